@@ -1,0 +1,7 @@
+"""`python -m drillc`: the command line."""
+
+import sys
+
+from drillc.cli import main
+
+sys.exit(main())

@@ -1,0 +1,1 @@
+"""Pure functions, numpy in and numpy out: rotations, posture, portal. No language, no files."""

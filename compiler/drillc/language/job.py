@@ -1,0 +1,341 @@
+"""A Job: what a spec says, with every name resolved and every number in mm, radians and seconds.
+
+Rules, processes and regions are objects; holes are rows of the columns in `HoleTable`. Nothing here
+knows a controller: an `Emit` is only a name with settings, for the output stage to understand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drillc.language.source import Source, Span
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Texts = NDArray[np.str_]
+
+
+@dataclass(frozen=True)
+class Named:
+    """A name and where it was written."""
+
+    text: str
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A rigid transform `to_from_of`: rotation (3, 3) and translation (3,) in mm."""
+
+    rotation: Floats
+    translation_mm: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class WorkFrame:
+    """The frame in which poses are programmed: its number on the controller and, when the spec
+    states it, where the part stands (`world_from_part`); else the shop's own data is used."""
+
+    number: int
+    world_from_part: Pose | None
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """`up` is a unit vector in part coordinates, or None when nothing asked for it."""
+
+    name: Named
+    up: Floats | None
+    normals_into: bool
+    unit_tolerance: float
+    frame: WorkFrame | None
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """`flange_from_tool` places the TCP; mass and centre of gravity only where a post needs them."""
+
+    name: Named
+    number: int
+    flange_from_tool: Pose
+    mass_kg: float | None
+    centre_of_gravity_mm: Floats | None
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """An axis-parallel box in part coordinates, from `low_mm` to `high_mm` (3,)."""
+
+    low_mm: Floats
+    high_mm: Floats
+    span: Span
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """A body that the tool's path must not enter: one or more boxes."""
+
+    name: Named
+    boxes: tuple[Box, ...]
+
+
+# ── machine ──────────────────────────────────────────────────────────────────────────────────────
+
+HeightRule = Literal["centre", "widest_margin", "least_travel", "fixed"]
+
+
+@dataclass(frozen=True)
+class Limit:
+    """An inclusive range, in mm or radians, and where the spec says so (None: from the geometry)."""
+
+    low: float
+    high: float
+    span: Span | None
+
+
+@dataclass(frozen=True, eq=False)
+class Portal:
+    """The riveting portal of the second seed. Joints q1, q2, q4, q5, q6 in mm, q3 in radians.
+
+    `limits` holds q1…q6 in order; `tilt_limit` bounds α in radians when the spec narrows it.
+    `speeds` holds v₁…v₆ (mm/s or rad/s), or None where the spec gives none.
+    """
+
+    name: Named
+    column_distance_mm: float
+    column_height_mm: float
+    hinge_inset_mm: float
+    height: HeightRule
+    height_mm: float | None
+    height_span: Span
+    side: Literal["above", "below"]
+    limits: tuple[Limit, ...]
+    tilt_limit: Limit | None
+    speeds: tuple[float | None, ...]
+
+
+# ── process ──────────────────────────────────────────────────────────────────────────────────────
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A named input or output. `full_scale` is what an analog output's full value stands for
+    (rev/s for a spindle, N for a force)."""
+
+    role: str
+    kind: Literal["input", "output", "analog"]
+    number: int
+    full_scale: float | None
+    alias: str | None
+    span: Span
+
+
+@dataclass(frozen=True)
+class Drill:
+    """Drilling to `depth_mm` plus the hole's own stack where `depth_from_stack`."""
+
+    spindle_rev_s: float
+    feed_mm_s: float
+    depth_mm: float
+    depth_from_stack: bool
+    peck_mm: float | None
+    dwell_s: float
+
+
+@dataclass(frozen=True)
+class Countersink:
+    """A cone of `angle_rad` that the combined tool sinks beyond the drilled depth: by `by_mm`, or
+    as deep as the rim `diameter_mm` asks of the hole's own diameter."""
+
+    angle_rad: float
+    by_mm: float | None
+    diameter_mm: float | None
+
+
+@dataclass(frozen=True)
+class Handshake:
+    """How long to wait for the input that answers an output, and where the spec says so."""
+
+    timeout_s: float
+    span: Span
+
+
+@dataclass(frozen=True)
+class Clamp:
+    """Pressing the stack together before anything is cut or set; let go afterwards."""
+
+    force_n: float | None
+    handshake: Handshake
+
+
+@dataclass(frozen=True)
+class Rivet:
+    """Setting a rivet, and the answer that it is set."""
+
+    handshake: Handshake
+
+
+@dataclass(frozen=True)
+class Process:
+    """What is done at a hole. Exactly one of `drill` and `rivet` is given, or neither: then the
+    tool only visits the hole's position."""
+
+    name: str
+    span: Span | None
+    approach_mm: float
+    clearance_mm: float  # the feed begins this far before the surface (drilling)
+    retract_mm: float
+    travel_mm_s: float
+    approach_mm_s: float
+    retract_mm_s: float
+    clamp: Clamp | None = None
+    drill: Drill | None = None
+    countersink: Countersink | None = None
+    rivet: Rivet | None = None
+
+
+# ── posture and regions ──────────────────────────────────────────────────────────────────────────
+
+
+@dataclass(frozen=True, eq=False)
+class PostureRule:
+    """`axis` (0 x, 1 y) is held horizontal, or as near to `toward` as the tangent plane lets it.
+
+    `toward` is a unit vector in part coordinates. `cone_rad` is the half-angle around the singular
+    direction within which the rule decides nothing; `fallback` decides there.
+    """
+
+    axis: int
+    horizontal: bool
+    toward: Floats | None
+    cone_rad: float
+    fallback: PostureRule | None
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Rows `start` … `stop` of the hole table, one process, one rule."""
+
+    name: Named
+    start: int
+    stop: int
+    process: int
+    posture: PostureRule | None
+
+
+@dataclass(frozen=True, eq=False)
+class HoleTable:
+    """Columns over n holes, in the order in which they will be made.
+
+    `feed` is the unit direction into the part. `source`, `line` and `column` say where the hole was
+    written (`sources[source]`), so that any stage can point at it.
+    """
+
+    ids: Texts
+    position_mm: Floats  # (n, 3), part coordinates
+    feed: Floats  # (n, 3), part coordinates, unit, into the part
+    diameter_mm: Floats  # (n,), NaN where not given
+    stack_mm: Floats  # (n,), NaN where not given
+    region: Ints  # (n,), index into Job.regions
+    source: Ints  # (n,), index into `sources`
+    line: Ints  # (n,), from 1
+    column: Ints  # (n,), from 1
+    sources: tuple[Source, ...]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def span(self, row: int) -> Span:
+        """Where hole `row` is written."""
+        source = self.sources[int(self.source[row])]
+        return Span(source, int(self.line[row]), int(self.column[row]), len(str(self.ids[row])))
+
+
+# ── expectations and outputs ─────────────────────────────────────────────────────────────────────
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectRotation:
+    """Hole `row`'s tool orientation, as a rotation (3, 3) in part coordinates."""
+
+    row: int
+    part_from_tool: Floats
+    within_rad: float
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectPosition:
+    """Hole `row`'s position (3,) in mm."""
+
+    row: int
+    position_mm: Floats
+    within_mm: float
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectJoints:
+    """Hole `row`'s joints (6,), with a tolerance for lengths and one for angles."""
+
+    row: int
+    joints: Floats
+    within_mm: float
+    within_rad: float
+    span: Span
+
+
+@dataclass(frozen=True)
+class ExpectCount:
+    """How many holes a region has."""
+
+    region: int
+    count: int
+    span: Span
+
+
+Expect = ExpectRotation | ExpectPosition | ExpectJoints | ExpectCount
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One `name value` of an `emit` block: a number, a word or a text."""
+
+    name: Named
+    value: float | str
+    unit: str
+    span: Span
+
+
+@dataclass(frozen=True)
+class Emit:
+    """A post asked for by name. `axes` maps joint names (q1 …) to the controller's axes."""
+
+    post: Named
+    settings: tuple[Setting, ...]
+    axes: tuple[tuple[Named, Named], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """Everything that a spec says."""
+
+    program: Named
+    part: Part
+    tool: Tool | None
+    robot: Portal | None
+    fixtures: tuple[Fixture, ...]
+    signals: dict[str, Signal]
+    processes: tuple[Process, ...]
+    regions: tuple[Region, ...]
+    holes: HoleTable
+    heading_jump_max_rad: float | None
+    expects: tuple[Expect, ...]
+    emits: tuple[Emit, ...]
+    inputs: tuple[Source, ...]  # every file that was read, in reading order

@@ -1,0 +1,1 @@
+"""From a Program to files: posts, staged templates, names, numbers, writing."""

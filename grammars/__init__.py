@@ -1,0 +1,1 @@
+"""Grammars (Lark): the spec language."""
