@@ -1,2 +1,195 @@
-def main() -> int:
-    return 0
+"""The command line: a thin face on the driver. Loads the compiler only when a command needs it.
+
+Exit codes: 0 fine, 1 the spec has errors, 2 usage, 3 the emitted program failed verification,
+70 a bug in drillc.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drillc import __version__
+
+if TYPE_CHECKING:
+    from drillc.language.diagnostics import Diagnostic
+
+EXIT_FINE = 0
+EXIT_ERRORS = 1
+EXIT_USAGE = 2
+EXIT_BUG = 70
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.run(options))
+    except BrokenPipeError:
+        # The reader has gone (`drillc inspect … | head`): not an error, and nothing more to say.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_FINE
+    except KeyboardInterrupt:
+        print("drillc: interrupted; no output was touched", file=sys.stderr)
+        return 130
+    except MemoryError:
+        print("drillc: the machine's memory is not enough for this spec", file=sys.stderr)
+        return EXIT_ERRORS
+    except Exception as error:
+        return _bug(error)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="drillc",
+        description="Compile hole specs (.drill) into robot programs: KRL, RAPID, G-code.",
+    )
+    parser.add_argument("--version", action="version", version=f"drillc {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    compile_ = commands.add_parser("compile", help="compile a spec and write the programs")
+    _spec_arguments(compile_)
+    compile_.add_argument(
+        "-o", "--out", type=Path, metavar="DIR", help="output folder (default: out/NAME_OF_SPEC)"
+    )
+    compile_.add_argument(
+        "--post", action="append", default=[], metavar="NAME", help="emit for this post only"
+    )
+    compile_.set_defaults(run=_compile)
+
+    check = commands.add_parser("check", help="check a spec, write nothing")
+    _spec_arguments(check)
+    check.set_defaults(run=_check)
+
+    inspect = commands.add_parser("inspect", help="show every hole's pose and joints")
+    _spec_arguments(inspect)
+    inspect.add_argument("--format", choices=("table", "csv", "json"), default="table")
+    inspect.set_defaults(run=_inspect)
+
+    posts = commands.add_parser("posts", help="list the post-processors and where they come from")
+    posts.set_defaults(run=_posts)
+    return parser
+
+
+def _spec_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("spec", type=Path, metavar="SPEC", help="the .drill file")
+    parser.add_argument(
+        "--root", type=Path, metavar="DIR", help="folder that a spec's paths may not leave"
+    )
+    parser.add_argument("--json", action="store_true", help="diagnostics as JSON, for editors")
+
+
+# ── commands ─────────────────────────────────────────────────────────────────────────────────────
+
+
+def _compile(options: argparse.Namespace) -> int:
+    from drillc.driver import compile_spec
+    from drillc.language.diagnostics import Refused, Report
+
+    report = Report()
+    out = options.out or Path("out") / options.spec.stem
+    try:
+        written = compile_spec(
+            options.spec, out, report, root=options.root, posts=tuple(options.post)
+        )
+    except Refused:
+        return _refused(report.diagnostics, options.json)
+    _say(report.diagnostics, options.json)
+    if not options.json:
+        for path in written:
+            print(path)
+    return EXIT_FINE
+
+
+def _check(options: argparse.Namespace) -> int:
+    from drillc.driver import check_spec
+    from drillc.language.diagnostics import Refused, Report
+
+    report = Report()
+    try:
+        planned = check_spec(options.spec, report, root=options.root)
+    except Refused:
+        return _refused(report.diagnostics, options.json)
+    _say(report.diagnostics, options.json)
+    if not options.json:
+        job = planned.job
+        holes, regions = len(job.holes), len(job.regions)
+        print(
+            f"{options.spec}: {holes:,} hole{'s' * (holes != 1)} in "
+            f"{regions} region{'s' * (regions != 1)}, no errors"
+        )
+    return EXIT_FINE
+
+
+def _inspect(options: argparse.Namespace) -> int:
+    from drillc.driver import plan_spec
+    from drillc.inspection import write_inspection
+    from drillc.language.diagnostics import Refused, Report
+
+    report = Report()
+    try:
+        planned = plan_spec(options.spec, options.root, report)
+    except Refused:
+        return _refused(report.diagnostics, options.json)
+    _say(report.diagnostics, options.json, sys.stderr)
+    write_inspection(planned, options.format, sys.stdout)
+    return EXIT_FINE
+
+
+def _posts(options: argparse.Namespace) -> int:
+    from drillc.language.diagnostics import Refused, Report
+    from drillc.output.registry import list_posts
+
+    del options
+    report = Report()
+    try:
+        listed = list_posts(report)
+    except Refused:
+        return _refused(report.diagnostics, as_json=False)
+    width = max((len(post.name) for post in listed), default=0)
+    for post in listed:
+        print(f"{post.name.ljust(width)}  {post.title}  ({post.origin})")
+    return EXIT_FINE
+
+
+# ── saying ───────────────────────────────────────────────────────────────────────────────────────
+
+
+def _refused(diagnostics: Sequence[Diagnostic], as_json: bool) -> int:
+    _say(diagnostics, as_json)
+    if not as_json:
+        errors = sum(d.severity == "error" for d in diagnostics)
+        print(f"{errors} error{'s' * (errors != 1)}; nothing was written", file=sys.stderr)
+    return EXIT_ERRORS
+
+
+def _say(diagnostics: Sequence[Diagnostic], as_json: bool, json_to: object | None = None) -> None:
+    """Diagnostics to the error stream, or as one JSON array to the output stream."""
+    from drillc.language.diagnostics import as_json as to_json
+    from drillc.language.diagnostics import render
+
+    if as_json:
+        import json
+
+        stream = sys.stdout if json_to is None else sys.stderr
+        print(json.dumps([to_json(d) for d in diagnostics], indent=2), file=stream)
+        return
+    for diagnostic in diagnostics:
+        print(render(diagnostic), file=sys.stderr)
+
+
+def _bug(error: Exception) -> int:
+    """A bug in drillc or in a plug-in: say so without a traceback, unless one is asked for."""
+    if os.environ.get("DRILLC_TRACEBACK"):
+        raise error
+    print(f"drillc: internal error: {type(error).__name__}: {error}", file=sys.stderr)
+    print(
+        "This is a bug, not a mistake in the spec; no output was touched. "
+        "DRILLC_TRACEBACK=1 shows where.",
+        file=sys.stderr,
+    )
+    return EXIT_BUG

@@ -305,7 +305,8 @@ Expect = ExpectRotation | ExpectPosition | ExpectJoints | ExpectCount
 
 @dataclass(frozen=True)
 class Setting:
-    """One `name value` of an `emit` block: a number, a word or a text."""
+    """One `name value` of an `emit` block: a number in the base unit of `unit` (the unit as written,
+    or empty), a word or a text."""
 
     name: Named
     value: float | str

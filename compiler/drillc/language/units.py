@@ -47,7 +47,7 @@ UNITS: dict[str, Unit] = {
     "um": _ten("length", -3),
     "cm": _ten("length", 1),
     "m": _ten("length", 3),
-    "in": Unit("length", Decimal("25.4")),
+    "inch": Unit("length", Decimal("25.4")),
     "rad": _ten("angle", 0),
     "deg": Unit("angle", _DEG),
     "s": _ten("time", 0),

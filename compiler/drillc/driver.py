@@ -1,0 +1,131 @@
+"""The passes, in the order they run.
+
+    text ─parse→ syntax tree ─resolve→ Job ─pose→ postures ─solve→ joints ─plan→ Program ─emit→ files
+
+Each stage reports all its mistakes and stops there; nothing is written before everything has passed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drillc.language.diagnostics import Refused, Report
+from drillc.language.job import Emit, Floats, Job, Named
+from drillc.planning.portal_joints import Solution
+from drillc.planning.program import Program
+
+if TYPE_CHECKING:
+    from drillc.output.emission import OutFile
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """What a spec comes to, before any controller: the job, the poses, the joints, the program."""
+
+    job: Job
+    part_from_tool: Floats  # (n, 3, 3)
+    solution: Solution | None
+    program: Program
+
+
+def plan_spec(path: Path, root: Path | None, report: Report) -> Planned:
+    """Run every pass up to the Program. Raises `Refused` at the end of the first stage with errors;
+    warnings stay in `report`."""
+    from drillc.language.loading import load
+    from drillc.language.resolve import resolve
+    from drillc.planning.clearance import check_fixtures
+    from drillc.planning.depths import plunge_depths
+    from drillc.planning.expected import check_expectations
+    from drillc.planning.plan import plan
+    from drillc.planning.portal_joints import solve_portal
+    from drillc.planning.postures import check_heading_jumps, resolve_postures
+
+    loader, loaded = load(path, root, report)
+    report.stop_if_failed()
+    if loaded is None:
+        raise AssertionError("nothing was loaded and nothing was said")
+    job = resolve(loaded, loader, report)
+
+    depth_mm = plunge_depths(job, report)
+    solution = None
+    if job.robot is not None:
+        solution = solve_portal(job, job.robot, depth_mm, report)
+        report.stop_if_failed()
+        if solution is None:
+            raise AssertionError("no solution and nothing was said")
+        part_from_tool = solution.part_from_tool
+    else:
+        part_from_tool = resolve_postures(job, report)
+    report.stop_if_failed()
+
+    check_heading_jumps(job, part_from_tool, report)
+    check_fixtures(job, part_from_tool, depth_mm, report)
+    joints = None if solution is None else solution.motion.joints
+    check_expectations(job, part_from_tool, joints, report)
+    report.stop_if_failed()
+
+    motion = None if solution is None else solution.motion
+    return Planned(job, part_from_tool, solution, plan(job, part_from_tool, depth_mm, motion))
+
+
+def check_spec(path: Path, report: Report, *, root: Path | None = None) -> Planned:
+    """Everything that `compile_spec` does but writing: also what the posts would refuse."""
+    planned = plan_spec(path, root, report)
+    _emit(planned, planned.job.emits, report)
+    return planned
+
+
+def compile_spec(
+    path: Path,
+    out: Path,
+    report: Report,
+    *,
+    root: Path | None = None,
+    posts: Sequence[str] = (),
+) -> list[Path]:
+    """Compile a spec into the folder `out` and return the files written, sorted.
+
+    `posts` narrows the spec's `emit` statements, or adds posts that it does not name. On any error
+    `Refused` is raised and `out` is as it was.
+    """
+    from drillc.output.writing import write_outputs
+
+    planned = plan_spec(path, root, report)
+    files = _emit(planned, _wanted(planned.job, posts, report), report)
+    return write_outputs(out, files, planned.job, report)
+
+
+def _emit(planned: Planned, emits: Sequence[Emit], report: Report) -> list[OutFile]:
+    """The files of every post, rendered but not yet poured; raises `Refused` with all errors."""
+    from drillc.output.emission import emit_files
+    from drillc.output.registry import find_posts
+
+    chosen = find_posts([emit.post for emit in emits], report)
+    report.stop_if_failed()
+    files = [
+        file
+        for emit, post in zip(emits, chosen, strict=True)
+        for file in emit_files(post, planned.program, emit, report)
+    ]
+    report.stop_if_failed()
+    return files
+
+
+def _wanted(job: Job, posts: Sequence[str], report: Report) -> list[Emit]:
+    """The `emit` statements to follow; one for each post named on the command line."""
+    if not posts:
+        if not job.emits:
+            report.error(
+                "E600",
+                "the spec does not say what to emit",
+                job.program.span,
+                hint="add: emit krl; or name a post with --post",
+            )
+            raise Refused(report)
+        return list(job.emits)
+    declared = {emit.post.text: emit for emit in job.emits}
+    plain = {name: Emit(Named(name, job.program.span), (), ()) for name in posts}
+    return [declared.get(name, plain[name]) for name in dict.fromkeys(posts)]

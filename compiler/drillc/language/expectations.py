@@ -1,0 +1,189 @@
+"""Resolving `expect`: what a spec says must come out, to be compared once it has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from drillc.kernels.rotations import matrix_from_euler, matrix_from_quaternion
+from drillc.language.ast import Item, Numbers, Quantity, Statement, Word
+from drillc.language.diagnostics import Report
+from drillc.language.fields import did_you_mean, lengths, measure, of_type, whole
+from drillc.language.job import (
+    Expect,
+    ExpectCount,
+    ExpectJoints,
+    ExpectPosition,
+    ExpectRotation,
+    HoleTable,
+    Portal,
+    Region,
+)
+from drillc.language.machine import ROTARY_JOINT
+from drillc.language.units import UNITS, convert, said
+
+
+def resolve_expects(
+    statements: Sequence[Statement],
+    holes: HoleTable,
+    regions: Sequence[Region],
+    robot: Portal | None,
+    report: Report,
+) -> tuple[Expect, ...]:
+    """Each expectation with its hole's row and its values in mm and radians."""
+    if not statements:
+        return ()
+    wanted = {s.name.text for s in statements}
+    found = np.flatnonzero(np.isin(holes.ids, sorted(wanted)))
+    rows = {str(holes.ids[row]): row for row in found.tolist()}
+    resolved = []
+    for statement in statements:
+        item = statement.items[0]
+        if item.key.text == "expect_holes":
+            expect = _count(statement, item, regions, report)
+        else:
+            row = rows.get(statement.name.text)
+            if row is None:
+                report.error(
+                    "E210",
+                    f'there is no hole called "{statement.name.text}"',
+                    statement.name.span,
+                    hint=did_you_mean(statement.name.text, holes.ids[:2000].tolist()),
+                )
+                continue
+            expect = _of_hole(row, statement, item, robot, report)
+        if expect is not None:
+            resolved.append(expect)
+    return tuple(resolved)
+
+
+def _count(
+    statement: Statement, item: Item, regions: Sequence[Region], report: Report
+) -> Expect | None:
+    names = [region.name.text for region in regions]
+    if statement.name.text not in names:
+        report.error(
+            "E210",
+            f'there is no region called "{statement.name.text}"',
+            statement.name.span,
+            hint=did_you_mean(statement.name.text, names),
+        )
+        return None
+    count = whole(item.values[0], "the number of holes", 0, 1_000_000_000, report)
+    return ExpectCount(names.index(statement.name.text), count, statement.span)
+
+
+def _of_hole(
+    row: int, statement: Statement, item: Item, robot: Portal | None, report: Report
+) -> Expect | None:
+    span = statement.span
+    match item.key.text:
+        case "expect_euler":
+            sequence, triple, unit, within = item.values
+            rotation = _euler(of_type(sequence, Word), of_type(triple, Numbers), unit, report)
+            tolerance = measure(within, "angle", "within", report, above=0)
+            return None if rotation is None else ExpectRotation(row, rotation, tolerance, span)
+        case "expect_quaternion":
+            *numbers, within = item.values
+            quaternion = np.array([float(of_type(n, Quantity).number) for n in numbers])
+            tolerance = measure(within, "angle", "within", report, above=0)
+            if not abs(float(np.linalg.norm(quaternion)) - 1) < 1e-3:
+                report.error(
+                    "E251",
+                    f"this quaternion (w, x, y, z) has length {np.linalg.norm(quaternion):.6g}, "
+                    "not 1",
+                    item.span,
+                )
+                return None
+            return ExpectRotation(row, matrix_from_quaternion(quaternion), tolerance, span)
+        case "expect_at":
+            triple, unit, within = item.values
+            name = unit.text if isinstance(unit, Word) else None
+            position = lengths(
+                Numbers(of_type(triple, Numbers).numbers, name, item.span), "at", report
+            )
+            tolerance = measure(within, "length", "within", report, above=0)
+            return ExpectPosition(row, position, tolerance, span)
+        case _:
+            return _joints(row, statement, item, robot, report)
+
+
+def _euler(sequence: Word, triple: Numbers, unit: object, report: Report) -> np.ndarray | None:
+    letters = sequence.text
+    if (
+        len(letters) != 3
+        or set(letters) - set("xyz")
+        or letters[0] == letters[1]
+        or (letters[1] == letters[2])
+    ):
+        report.error(
+            "E250",
+            f'"{letters}" is not a sequence of rotation axes',
+            sequence.span,
+            hint="zyx means R = Rz(first) Ry(second) Rx(third)",
+        )
+        return None
+    name = unit.text if isinstance(unit, Word) else None
+    if name is None or UNITS[name].dimension != "angle":
+        wrong = "have no unit" if name is None else f"are in {name}"
+        report.error(
+            "E203" if name is None else "E204",
+            f"these angles {wrong}; they are {said('angle')}",
+            triple.span,
+            hint=f"({', '.join(triple.numbers)}) deg",
+        )
+        return None
+    angles = np.array([convert(n, UNITS[name]) for n in triple.numbers])
+    if not np.isfinite(angles).all() or float(np.abs(angles).max()) > 1e6:
+        report.error("E205", "these angles are beyond any turn", triple.span)
+        return None
+    return matrix_from_euler(angles, letters)
+
+
+def _joints(
+    row: int, statement: Statement, item: Item, robot: Portal | None, report: Report
+) -> Expect | None:
+    if robot is None:
+        report.error(
+            "E252",
+            "joints are expected, but the spec has no robot",
+            statement.span,
+            hint="declare one: robot NAME portal { … }",
+        )
+        return None
+    *values, first, second = (v for v in item.values if isinstance(v, Quantity))
+    if item.values[-1] is None:
+        values, first, second = [*values, first], second, None  # type: ignore[assignment]
+    if len(values) != len(robot.limits):
+        report.error(
+            "E253",
+            f"{len(values)} joints are given; robot {robot.name.text} has {len(robot.limits)}",
+            item.span,
+        )
+        return None
+    joints = np.array(
+        [
+            measure(v, "angle" if i == ROTARY_JOINT else "length", f"q{i + 1}", report)
+            for i, v in enumerate(values)
+        ]
+    )
+    within = {"length": math.inf, "angle": math.inf}
+    for tolerance in (first, second):
+        if tolerance is None:
+            continue
+        unit = UNITS.get(tolerance.unit or "")
+        kind = "angle" if unit is not None and unit.dimension == "angle" else "length"
+        within[kind] = measure(
+            tolerance, "angle" if kind == "angle" else "length", "within", report, above=0
+        )
+    if math.inf in within.values():
+        report.error(
+            "E254",
+            "joints need a tolerance for lengths and one for angles",
+            item.span,
+            hint="within 0.1 mm, 0.01 deg",
+        )
+        return None
+    return ExpectJoints(row, joints, within["length"], within["angle"], statement.span)

@@ -1,0 +1,264 @@
+"""Reading the fields of a block: each given once, with the right dimension, inside its bounds."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
+
+import numpy as np
+
+from drillc.language.ast import Item, Numbers, Placement, Quantity, Statement, Value, Word
+from drillc.language.columns import MAX_LENGTH_MM
+from drillc.language.diagnostics import Label, Report
+from drillc.language.job import Floats, Pose
+from drillc.language.source import Span
+from drillc.language.units import UNITS, Dimension, convert, said
+
+T = TypeVar("T")
+V = TypeVar("V", bound=Value)
+
+#: Scalars beyond this are refused: no feed, force or time of a cell is near it.
+MAX_SCALAR = 1e9
+
+_AXES = "xyz"
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str | None:
+    """A hint that names the nearest known name, or lists what there is."""
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, 1, 0.6)
+    if not near:
+        folded = [n for n in names if n.lower() == name.lower()]
+        near = folded[:1]
+    if near:
+        return f'did you mean "{near[0]}"?'
+    return f"there is {', '.join(names[:12])}" if names else None
+
+
+class Fields:
+    """The items of one block, by key. Reports an item that is given twice."""
+
+    def __init__(self, statement: Statement, report: Report) -> None:
+        self.statement = statement
+        self.report = report
+        self._items: dict[str, Item] = {}
+        for item in statement.items:
+            key = item.key.text
+            first = self._items.setdefault(key, item)
+            if first is not item:
+                report.error(
+                    "E201",
+                    f'"{key}" is given twice in {statement.kind} {statement.name.text}',
+                    item.key.span,
+                    labels=[Label(first.key.span, "first given here")],
+                )
+
+    def get(self, key: str) -> Item | None:
+        """The item, or None."""
+        return self._items.get(key)
+
+    def need(self, key: str, hint: str) -> Item | None:
+        """The item; its absence is an error at the block's name."""
+        item = self._items.get(key)
+        if item is None:
+            statement = self.statement
+            self.report.error(
+                "E202",
+                f'{statement.kind} {statement.name.text} does not say "{key}"',
+                statement.name.span,
+                hint=hint,
+            )
+        return item
+
+    def measure(
+        self,
+        key: str,
+        dimension: Dimension,
+        *,
+        default: float = math.nan,
+        hint: str | None = None,
+        above: float | None = None,
+        least: float | None = None,
+    ) -> float:
+        """The first value of `key` in its base unit; NaN after an error. Without `default`, the
+        item must be there."""
+        if math.isnan(default):
+            item = self.need(key, hint or f"add: {key} …")
+        else:
+            item = self.get(key)
+        if item is None:
+            return default
+        return measure(item.values[0], dimension, key, self.report, above=above, least=least)
+
+
+def measure(
+    value: Value,
+    dimension: Dimension,
+    what: str,
+    report: Report,
+    *,
+    above: float | None = None,
+    least: float | None = None,
+) -> float:
+    """A quantity of the given dimension in its base unit; NaN after reporting what is wrong.
+
+    `above` is an exclusive lower bound, `least` an inclusive one, both in the base unit.
+    """
+    quantity = of_type(value, Quantity)
+    if quantity.unit is None:
+        report.error(
+            "E203",
+            f"{what} is {quantity.number} without a unit; it is {said(dimension)}",
+            quantity.span,
+            hint=f"write the unit: {quantity.number} {_example(dimension)}",
+        )
+        return math.nan
+    unit = UNITS[quantity.unit]
+    if unit.dimension != dimension:
+        report.error(
+            "E204",
+            f"{what} is {said(dimension)}, but {quantity.number} {quantity.unit} is "
+            f"{said(unit.dimension)}",
+            quantity.span,
+        )
+        return math.nan
+    number = convert(quantity.number, unit)
+    bound = MAX_LENGTH_MM if dimension == "length" else MAX_SCALAR
+    if not abs(number) <= bound:
+        report.error(
+            "E205",
+            f"{what} is {quantity.number} {quantity.unit}, beyond anything a machine can do "
+            f"(the limit is {bound:g} {_base(dimension)})",
+            quantity.span,
+        )
+        return math.nan
+    if (above is not None and number <= above) or (least is not None and number < least):
+        need = f"more than {above:g}" if above is not None else f"at least {least:g}"
+        report.error(
+            "E206",
+            f"{what} is {quantity.number} {quantity.unit}; it must be {need}",
+            quantity.span,
+        )
+        return math.nan
+    return number
+
+
+def whole(value: Value, what: str, low: int, high: int, report: Report) -> int:
+    """A whole number without a unit, inside `low` … `high`; `low` after an error."""
+    quantity = of_type(value, Quantity)
+    text = quantity.number
+    if quantity.unit is not None or not text.isdigit() or not low <= int(text[:12]) <= high:
+        unit = f" {quantity.unit}" if quantity.unit else ""
+        report.error(
+            "E207",
+            f"{what} is {text}{unit}; it must be a whole number from {low} to {high}",
+            quantity.span,
+        )
+        return low
+    return int(text)
+
+
+def lengths(numbers: Numbers, what: str, report: Report) -> Floats:
+    """Numbers with a unit of length, in mm (k,); NaN after an error."""
+    unit = numbers.unit
+    return np.array(
+        [measure(Quantity(n, unit, numbers.span), "length", what, report) for n in numbers.numbers]
+        if unit is not None and UNITS[unit].dimension == "length"
+        else [_one_error(numbers, what, report)] * len(numbers.numbers)
+    )
+
+
+def _one_error(numbers: Numbers, what: str, report: Report) -> float:
+    shown = f"({', '.join(numbers.numbers)})"
+    if numbers.unit is None:
+        report.error(
+            "E203",
+            f"{what} is {shown} without a unit; it is {said('length')}",
+            numbers.span,
+            hint=f"write the unit: {shown} mm",
+        )
+    else:
+        report.error(
+            "E204",
+            f"{what} is {said('length')}, but {shown} {numbers.unit} is "
+            f"{said(UNITS[numbers.unit].dimension)}",
+            numbers.span,
+        )
+    return math.nan
+
+
+def unit_vector(value: Word | Numbers, what: str, report: Report) -> Floats | None:
+    """A direction: `-Y`, or three numbers of any length but zero. None after an error."""
+    if isinstance(value, Word):
+        vector = np.zeros(3)
+        vector["XYZ".index(value.text[1])] = 1.0 if value.text[0] == "+" else -1.0
+        return vector
+    vector = np.array([float(n) for n in value.numbers])
+    scale = np.abs(vector).max()
+    if not 1e-9 < scale < 1e9:
+        report.error(
+            "E208",
+            f"{what} is ({', '.join(value.numbers)}), which gives no direction",
+            value.span,
+            hint="write a signed axis such as -Y, or three numbers that are not all zero",
+        )
+        return None
+    vector = vector / scale
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def pose(placement: Placement, what: str, report: Report) -> Pose:
+    """A placement as a transform: translate, then rotate about the moved frame's own axes."""
+    from drillc.kernels.rotations import rotation_about
+
+    rotation = np.eye(3)
+    for turn in placement.rotations:
+        angle = measure(turn.angle, "angle", f"{what}'s rotation", report)
+        if not math.isnan(angle):
+            rotation = rotation @ rotation_about(_AXES.index(turn.axis.text), angle)
+    return Pose(rotation, lengths(placement.at, what, report))
+
+
+def lookup(word: Word, table: Mapping[str, T], kind: str, report: Report) -> T | None:
+    """What `word` names; an unknown name is an error with the nearest known one."""
+    found = table.get(word.text)
+    if found is None:
+        report.error(
+            "E210",
+            f'there is no {kind} called "{word.text}"',
+            word.span,
+            hint=did_you_mean(word.text, table) or f"declare {kind} {word.text}",
+        )
+    return found
+
+
+def of_type(value: Value, kind: type[V]) -> V:
+    """`value`, which the grammar promises to be of that kind."""
+    assert isinstance(value, kind), f"{value!r} is no {kind.__name__}"
+    return value
+
+
+def place(item: Item | None, default: Span) -> Span:
+    """The span of an item, or of what stands for it."""
+    return default if item is None else item.span
+
+
+def _example(dimension: Dimension) -> str:
+    return next(name for name, unit in UNITS.items() if unit.dimension == dimension)
+
+
+def _base(dimension: Dimension) -> str:
+    return {
+        "length": "mm",
+        "angle": "rad",
+        "time": "s",
+        "speed": "mm/s",
+        "spindle speed": "rev/s",
+        "turning speed": "rad/s",
+        "feed per turn": "mm/rev",
+        "force": "N",
+        "mass": "kg",
+        "share": "of one",
+    }[dimension]

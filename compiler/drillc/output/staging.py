@@ -1,0 +1,341 @@
+"""Staged templates: rendered once, poured for millions of holes.
+
+A template is ordinary Jinja, written for one hole. It is rendered once with a symbolic row:
+
+    {% call(hole) per_hole(section.rows) %}
+    {{ section.cycle.name }}({{ hole.name }}, {{ hole.depth }}) ; {{ hole.id }}
+    {% endcall %}
+
+`per_hole` runs the block a single time. Every `hole.…` is a `Slot`, which can be printed and
+nothing else; the text that results becomes a format string, and the columns are poured through it
+in blocks of rows. So layout stays in templates and speed does not depend on Jinja. What is poured
+in is never looked at again: no text from a spec can act as template code.
+
+Whatever a template does that staging could not carry out faithfully raises `StagingError`, which
+names the template and the line: a test or a filter on a slot, an unknown column, a slot printed
+outside its block, a number printed without the `fixed` filter. It is the template author's mistake,
+never the mistake of somebody who writes a spec.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import re
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import resources
+from typing import Any, NoReturn
+
+import numpy as np
+from jinja2 import (
+    FunctionLoader,
+    StrictUndefined,
+    TemplateAssertionError,
+    TemplateError,
+    Undefined,
+    nodes,
+)
+from jinja2.sandbox import ImmutableSandboxedEnvironment
+
+from drillc.output.numbers import Column, fixed
+
+#: Rows that are formatted at once: large enough that `%` dominates, small enough for the cache.
+BLOCK_ROWS = 2048
+#: Small pieces are joined until a chunk has about this many characters.
+CHUNK_CHARACTERS = 1 << 18
+
+# A sentinel is "\x01kind number\x02". Letters of both cases are in it, so that a filter that
+# changes letters cannot pass unnoticed; control characters in any other text are refused (`_cut`).
+_SENTINEL = re.compile("\x01(Slot|Body)([0-9]+)\x02")
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f]")
+
+
+class StagingError(Exception):
+    """A template does what staging cannot carry out; the message names template and line."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The holes `start` … `stop`. True when there are any."""
+
+    start: int
+    stop: int
+
+    def __len__(self) -> int:
+        return max(0, self.stop - self.start)
+
+
+class Slot:
+    """The place of one hole's value in a body: it can be printed, all else is a `StagingError`."""
+
+    __slots__ = ("_column", "_number", "_printed")
+
+    def __init__(self, column: str, number: int, printed: list[int]) -> None:
+        self._column = column
+        self._number = number
+        self._printed = printed
+
+    def __repr__(self) -> str:
+        return f"<slot {self._column}>"
+
+
+def _refuse(slot: Slot, *_: object, **__: object) -> NoReturn:
+    raise StagingError(
+        f"hole.{slot._column} can only be printed: its value is not known when the template is"
+        " rendered; compute what depends on it in the post's columns"
+    )
+
+
+# Everything that Python or Jinja could ask of a value, apart from being printed.
+_ASKED = (
+    "str format bool len iter contains call getitem hash int float complex index round trunc "
+    "eq ne lt le gt ge add radd sub rsub mul rmul truediv rtruediv floordiv rfloordiv mod rmod "
+    "pow rpow divmod rdivmod neg pos abs invert and rand or ror xor rxor lshift rlshift rshift "
+    "rrshift matmul rmatmul bytes next reversed"
+)
+for _name in _ASKED.split():
+    setattr(Slot, f"__{_name}__", _refuse)
+
+
+class Row:
+    """The symbolic hole that a `per_hole` block is rendered with: `hole.depth` is a slot."""
+
+    def __init__(self, columns: Sequence[str], printed: list[int]) -> None:
+        self._columns = columns
+        self._printed = printed
+
+    def __getattr__(self, name: str) -> Slot:
+        if name.startswith(("__", "jinja_")):  # probes by Python and Jinja, not by the template
+            raise AttributeError(name)
+        return self[name]
+
+    def __getitem__(self, name: str) -> Slot:
+        if name not in self._columns:
+            near = difflib.get_close_matches(str(name), self._columns, 1)
+            mean = f"did you mean hole.{near[0]}?" if near else "known: " + ", ".join(self._columns)
+            raise StagingError(f"there is no column hole.{name}; {mean}")
+        return Slot(name, self._columns.index(name), self._printed)
+
+
+@dataclass(frozen=True)
+class Body:
+    """The text of one `per_hole` block: a %-format for one hole, its columns, and its rows."""
+
+    format: str
+    columns: tuple[str, ...]
+    rows: Rows
+
+
+@dataclass(frozen=True, eq=False)
+class StagedText:
+    """A rendered template with its bodies still to be poured; can be iterated again and again."""
+
+    parts: tuple[str | Body, ...]
+    columns: Mapping[str, Column]
+
+    def __iter__(self) -> Iterator[bytes]:
+        """The text as chunks of ASCII, never the whole file at once."""
+        waiting: list[str] = []
+        size = 0
+        for piece in self._pieces():
+            waiting.append(piece)
+            size += len(piece)
+            if size >= CHUNK_CHARACTERS:
+                yield "".join(waiting).encode("ascii")
+                waiting.clear()
+                size = 0
+        if waiting:
+            yield "".join(waiting).encode("ascii")
+
+    def _pieces(self) -> Iterator[str]:
+        for part in self.parts:
+            if isinstance(part, str):
+                yield part
+            else:
+                yield from _poured(part, self.columns)
+
+
+def _poured(body: Body, columns: Mapping[str, Column]) -> Iterator[str]:
+    """The body's text for all its rows, a block of rows at a time."""
+    width = len(body.columns)
+    whole_block = body.format * BLOCK_ROWS if len(body.rows) >= BLOCK_ROWS else ""
+    for start in range(body.rows.start, body.rows.stop, BLOCK_ROWS):
+        stop = min(start + BLOCK_ROWS, body.rows.stop)
+        count = stop - start
+        flat: list[object] = [None] * (width * count)
+        for place, name in enumerate(body.columns):
+            flat[place::width] = columns[name].cells(start, stop)
+        yield (whole_block if count == BLOCK_ROWS else body.format * count) % tuple(flat)
+
+
+class Stage:
+    """Renders the templates of one package against one set of columns.
+
+    `columns` are the per-hole values, all of the same length. `filters` are a post's own filters
+    beside `fixed`. Holds no state between renderings but Jinja's cache of compiled templates.
+    """
+
+    def __init__(
+        self,
+        package: str,
+        columns: Mapping[str, Column],
+        filters: Mapping[str, Callable[..., Any]] | None = None,
+    ) -> None:
+        self._package = package
+        self._columns = columns
+        self._environment = ImmutableSandboxedEnvironment(
+            loader=FunctionLoader(self._load),
+            undefined=StrictUndefined,
+            finalize=_printed,
+            autoescape=False,
+            trim_blocks=True,
+            lstrip_blocks=True,
+            keep_trailing_newline=True,
+        )
+        self._environment.filters.update({"fixed": fixed, **(filters or {})})
+        tables: tuple[Any, ...] = (self._environment.filters, self._environment.tests)
+        for table in tables:
+            table.update({name: _slotless(function) for name, function in table.items()})
+
+    def render(
+        self, template: str, context: Mapping[str, object], newline: str = "\n"
+    ) -> StagedText:
+        """Render `template` once. Raises `StagingError` for every mistake in the template."""
+        bodies = _Bodies(self._columns)
+        filename = template
+        try:
+            compiled = self._environment.get_template(template)
+            filename = compiled.filename or template
+            text = compiled.render({**context, "per_hole": bodies.per_hole})
+            parts = bodies.split(text, newline)
+        except Exception as error:  # also a filter's or a macro's own failure
+            raise StagingError(_said(error, template, filename)) from error
+        return StagedText(parts, self._columns)
+
+    def _load(self, name: str) -> tuple[str, str, Callable[[], bool]] | None:
+        file = resources.files(self._package).joinpath(name)
+        if ".." in name.split("/") or not file.is_file():
+            return None
+        source = file.read_text(encoding="utf-8")
+        _check_blocks(self._environment.parse(source, name, str(file)))
+        return source, str(file), lambda: True
+
+
+class _Bodies:
+    """The bodies of one rendering."""
+
+    def __init__(self, columns: Mapping[str, Column]) -> None:
+        self._names = tuple(columns)
+        self._columns = columns
+        self._bodies: list[Body] = []
+        self._inside = False
+
+    def per_hole(self, rows: Rows, caller: Callable[[Row], str] | None = None) -> str:
+        """What templates call as `{% call(hole) per_hole(section.rows) %} … {% endcall %}`."""
+        if caller is None:
+            raise StagingError("write {% call(hole) per_hole(rows) %} … {% endcall %}")
+        if not isinstance(rows, Rows):
+            raise StagingError("per_hole takes rows: section.rows, section.first, section.rest")
+        if self._inside:
+            raise StagingError("a per_hole block cannot stand inside another")
+        self._inside = True
+        printed: list[int] = []
+        text = caller(Row(self._names, printed))
+        self._inside = False
+        self._bodies.append(self._body(text, printed, rows))
+        return f"\x01Body{len(self._bodies) - 1}\x02"
+
+    def _body(self, text: str, printed: list[int], rows: Rows) -> Body:
+        literals, kinds, numbers = _cut(text)
+        if "Body" in kinds or sorted(numbers) != sorted(printed):
+            raise StagingError(
+                "a value of the hole was kept, tested or dropped instead of printed where it"
+                " stands; print {{ hole.… }} straight"
+            )
+        names = tuple(self._names[number] for number in numbers)
+        escaped = [literal.replace("%", "%%") for literal in literals]
+        conversions = [self._columns[name].conversion for name in names]
+        format_ = escaped[0] + "".join(map("".join, zip(conversions, escaped[1:], strict=True)))
+        return Body(format_, names, rows)
+
+    def split(self, text: str, newline: str) -> tuple[str | Body, ...]:
+        """The rendered text as literals and bodies, in order, with `newline` ending every line."""
+        literals, kinds, numbers = _cut(text)
+        if "Slot" in kinds:
+            raise StagingError("a value of a hole was printed outside of its per_hole block")
+        if numbers != list(range(len(self._bodies))):
+            raise StagingError("the text of a per_hole block was kept, dropped or moved")
+        literals = [literal.replace("\n", newline) for literal in literals]
+        parts: list[str | Body] = [literals[0]]
+        for body, literal in zip(self._bodies, literals[1:], strict=True):
+            parts += [replace(body, format=body.format.replace("\n", newline)), literal]
+        return tuple(part for part in parts if part)
+
+
+def _cut(text: str) -> tuple[list[str], list[str], list[int]]:
+    """`text` cut at its sentinels: the literals, and each sentinel's kind and number."""
+    pieces = _SENTINEL.split(text)
+    for literal in pieces[0::3]:
+        if found := _CONTROL.search(literal):
+            raise StagingError(
+                f"a filter changed the value of a hole, or a text holds the control character"
+                f" {found[0]!r}"
+            )
+        if not literal.isascii():
+            strange = next(c for c in literal if not c.isascii())
+            raise StagingError(f"the template prints {strange!r}; controllers read plain ASCII")
+    return pieces[0::3], pieces[1::3], [int(number) for number in pieces[2::3]]
+
+
+def _printed(value: object) -> object:
+    """What `{{ … }}` prints: texts, whole numbers and slots. Everything else is a mistake."""
+    if isinstance(value, Slot):
+        value._printed.append(value._number)
+        return f"\x01Slot{value._number}\x02"
+    if isinstance(value, str | Undefined) or type(value) is int or isinstance(value, np.integer):
+        return value
+    if isinstance(value, float | np.floating):
+        raise StagingError(f"the number {value!r} is printed as it is; write | fixed(decimals)")
+    raise StagingError(f"{value!r} cannot be printed: neither a text nor a number")
+
+
+def _slotless(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A filter or test that refuses slots, also where it would not have looked at its argument."""
+
+    @functools.wraps(function)
+    def guarded(*arguments: Any, **options: Any) -> Any:
+        for argument in arguments:
+            if isinstance(argument, Slot):
+                _refuse(argument)
+        return function(*arguments, **options)
+
+    return guarded
+
+
+def _check_blocks(template: nodes.Template) -> None:
+    """No capturing inside per_hole: `{% set %}…{% endset %}` and `{% filter %}` see sentinels."""
+    for block in template.find_all(nodes.CallBlock):
+        called = block.call.node
+        if isinstance(called, nodes.Name) and called.name == "per_hole":
+            for inner in block.find_all((nodes.AssignBlock, nodes.FilterBlock)):
+                raise TemplateAssertionError(
+                    "a block {% set %} or {% filter %} cannot stand inside per_hole: the values of"
+                    " the hole are not known there",
+                    inner.lineno,
+                )
+
+
+def _said(error: Exception, template: str, filename: str) -> str:
+    """`error` as one sentence with template and line."""
+    message = str(error)
+    line: int | None = None
+    if isinstance(error, TemplateError):
+        message, line = error.message or message, getattr(error, "lineno", None)
+    elif not isinstance(error, StagingError):
+        message = f"{type(error).__name__}: {message}"
+    for frame in traceback.extract_tb(error.__traceback__):
+        if frame.filename == filename:
+            line = frame.lineno
+    return f"{template}:{line}: {message}" if line else f"{template}: {message}"

@@ -1,0 +1,77 @@
+"""Whether the tool's point keeps out of the fixtures: straight paths against boxes, exactly.
+
+Only the tool centre point's path is checked, between its standoff and its depth, and from standoff
+to standoff within a region. The tool's body is not: that takes its shape.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drillc.language.diagnostics import Label, Report
+from drillc.language.holes import report_holes
+from drillc.language.job import Box, Floats, Job
+
+
+def check_fixtures(job: Job, part_from_tool: Floats, depth_mm: Floats, report: Report) -> None:
+    """Report each hole whose plunge, or whose travel from its neighbour, enters a fixture."""
+    if not job.fixtures:
+        return
+    axis = part_from_tool[:, :, 2]
+    arrive, leave = np.empty(len(depth_mm)), np.empty(len(depth_mm))
+    neighbours = np.zeros(len(depth_mm), dtype=np.bool_)
+    for region in job.regions:
+        process = job.processes[region.process]
+        arrive[region.start : region.stop] = process.approach_mm
+        leave[region.start : region.stop] = process.retract_mm
+        neighbours[region.start + 1 : region.stop] = True
+    position = job.holes.position_mm
+    outmost = position - axis * np.maximum(arrive, leave)[:, None]
+    bottom = position + axis * depth_mm[:, None]
+    standoff = position - axis * arrive[:, None]
+    exit_ = position - axis * leave[:, None]
+    before = np.vstack([exit_[:1], exit_[:-1]])
+    holes = job.holes
+    for fixture in job.fixtures:
+        for box in fixture.boxes:
+            label = Label(box.span, f"fixture {fixture.name.text}")
+            report_holes(
+                holes,
+                enters(outmost, bottom, box),
+                "E360",
+                lambda row, name=fixture.name.text: (  # type: ignore[misc]
+                    f"the tool's path into hole {holes.ids[row]} enters fixture {name}"
+                ),
+                report,
+                label=lambda row, label=label: label,  # type: ignore[misc]
+            )
+            report_holes(
+                holes,
+                neighbours & enters(before, standoff, box),
+                "E361",
+                lambda row, name=fixture.name.text: (  # type: ignore[misc]
+                    f"the travel from hole {holes.ids[row - 1]} to hole {holes.ids[row]} enters "
+                    f"fixture {name}"
+                ),
+                report,
+                hint=lambda row: "retract farther, or put the holes into separate regions",
+                label=lambda row, label=label: label,  # type: ignore[misc]
+            )
+
+
+def enters(start_mm: Floats, end_mm: Floats, box: Box) -> NDArray[np.bool_]:
+    """Whether each segment (n, 3) → (n, 3) meets the closed box: the slab test."""
+    along = end_mm - start_mm
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first = (box.low_mm - start_mm) / along
+        second = (box.high_mm - start_mm) / along
+    near, far = np.minimum(first, second), np.maximum(first, second)
+    # A segment parallel to a slab is inside it for its whole length, or never.
+    inside = (start_mm >= box.low_mm) & (start_mm <= box.high_mm)
+    flat = along == 0
+    near = np.where(flat, np.where(inside, -np.inf, np.inf), near)
+    far = np.where(flat, np.where(inside, np.inf, -np.inf), far)
+    enter = np.maximum(near.max(axis=1), 0.0)
+    leave = np.minimum(far.min(axis=1), 1.0)
+    return np.asarray(enter <= leave)

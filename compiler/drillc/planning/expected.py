@@ -1,0 +1,83 @@
+"""Checking what a spec expects against what came out; a miss says by how much."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from drillc.kernels.rotations import angle_between, quaternion_from_matrix
+from drillc.language.diagnostics import Report
+from drillc.language.job import (
+    ExpectCount,
+    ExpectJoints,
+    ExpectPosition,
+    ExpectRotation,
+    Floats,
+    Job,
+)
+from drillc.language.machine import PORTAL_JOINTS, ROTARY_JOINT
+
+
+def check_expectations(
+    job: Job, part_from_tool: Floats, joints: Floats | None, report: Report
+) -> None:
+    """Report every expectation that does not hold."""
+    ids = job.holes.ids
+    for expect in job.expects:
+        match expect:
+            case ExpectRotation(row, wanted, within_rad, span):
+                off = float(angle_between(wanted, part_from_tool[row]))
+                if not off <= within_rad:
+                    got = ", ".join(f"{v:.6f}" for v in quaternion_from_matrix(part_from_tool[row]))
+                    report.error(
+                        "E501",
+                        f"hole {ids[row]} is turned by {math.degrees(off):.4f} deg from what is "
+                        f"expected (within {math.degrees(within_rad):g} deg); it comes out as "
+                        f"quaternion ({got})",
+                        span,
+                    )
+            case ExpectPosition(row, wanted, within_mm, span):
+                off = float(np.linalg.norm(job.holes.position_mm[row] - wanted))
+                if not off <= within_mm:
+                    report.error(
+                        "E502",
+                        f"hole {ids[row]} is {off:.4f} mm from where it is expected (within "
+                        f"{within_mm:g} mm)",
+                        span,
+                    )
+            case ExpectJoints(row, wanted, within_mm, within_rad, span):
+                assert joints is not None
+                _check_joints(
+                    str(ids[row]), joints[row] - wanted, within_mm, within_rad, span, report
+                )
+            case ExpectCount(region, count, span):
+                there = job.regions[region].stop - job.regions[region].start
+                if there != count:
+                    report.error(
+                        "E504",
+                        f"region {job.regions[region].name.text} has {there:,} holes; "
+                        f"{count:,} are expected",
+                        span,
+                    )
+
+
+def _check_joints(
+    name: str, off: Floats, within_mm: float, within_rad: float, span: object, report: Report
+) -> None:
+    from drillc.language.source import Span
+
+    assert isinstance(span, Span)
+    misses = [
+        f"{joint} by {math.degrees(error):+.4f} deg" if turns else f"{joint} by {error:+.4f} mm"
+        for i, (joint, error) in enumerate(zip(PORTAL_JOINTS, off.tolist(), strict=True))
+        for turns in (i == ROTARY_JOINT,)
+        if not abs(error) <= (within_rad if turns else within_mm)
+    ]
+    if misses:
+        report.error(
+            "E503",
+            f"joints of hole {name} differ from what is expected: {', '.join(misses)} "
+            f"(within {within_mm:g} mm, {math.degrees(within_rad):g} deg)",
+            span,
+        )
