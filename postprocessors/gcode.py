@@ -7,18 +7,29 @@ letters are joints here, and no robot stands behind them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
-
 from drillc.language.diagnostics import Label, Report
 from drillc.output.names import Kind, NameRules
 from drillc.output.numbers import Column, Fixed, fixed
 from drillc.output.post import Accepts, PostProcessor, Task
-from drillc.planning.program import Cycle, JointMotion, MoveTo, Plunge, StartSpindle, WaitInput
+from drillc.planning.program import (
+    Cycle,
+    JointMotion,
+    MoveTo,
+    Plunge,
+    SetAnalog,
+    StartSpindle,
+    WaitInput,
+)
 
 LENGTH_DECIMALS = 4
 ANGLE_DECIMALS = 5
+FEED_DECIMALS = 3
+TIME_DECIMALS = 3
+SHARE_DECIMALS = 5
 #: In the order in which one writes them.
 LETTERS = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 _TURNING = ("A", "B", "C")
@@ -49,27 +60,40 @@ class GcodePost(PostProcessor):
     holes_per_module: ClassVar[int] = 10_000
     newline = "\n"
     length_decimals: ClassVar[int] = LENGTH_DECIMALS
-    comment_forbidden: ClassVar[str] = "()"
+    # Comments do not nest; and ; would begin another kind of comment in some readers.
+    comment_forbidden: ClassVar[str] = "();"
+    filters: ClassVar[dict[str, Callable[[float], str]]] = {
+        "per_minute": lambda per_second: per_minute(per_second),
+        "rpm": lambda rev_s: rpm(rev_s),
+        "length": lambda mm: fixed(mm, LENGTH_DECIMALS),
+        "time": lambda seconds: fixed(seconds, TIME_DECIMALS),
+        "share": lambda share: fixed(share, SHARE_DECIMALS),
+    }
 
     def check(self, task: Task, report: Report) -> None:
+        """Speeds and times that vanish when written, and axes of another kind than the joint."""
         motion = task.program.motion
-        if motion is None:
-            return
-        _check_small_numbers(task, report)
-        for joint, (named, target) in _mapped(motion, task):
-            turning = target in _TURNING
-            if motion.axes[joint].rotary != turning:
-                is_, wants = ("turns", "mm") if motion.axes[joint].rotary else ("slides", "degrees")
-                report.warn(
-                    "W650",
-                    f"joint {motion.axes[joint].name} {is_}, but {target} counts in {wants}: its"
-                    f" {'degrees' if wants == 'mm' else 'mm'} are written as they are",
-                    named,
-                    hint="make sure that the machine's configuration has this axis so",
-                )
+        assert motion is not None  # `accepts` refuses programs in poses
+        for cycle in task.program.cycles:
+            _check_vanishing(cycle, task, report)
+            _check_analogs(cycle, task, report)
+        joints = {axis.name: axis for axis in motion.axes}
+        for joint, target in task.emit.axes:
+            axis, letter = joints.get(joint.text), target.text.upper()
+            if axis is None or letter not in LETTERS or axis.rotary == (letter in _TURNING):
+                continue
+            report.warn(
+                "W650",
+                f"joint {axis.name} {'turns' if axis.rotary else 'slides'}, but {letter} is"
+                f" {'a length' if axis.rotary else 'an angle'}: its"
+                f" {'degrees' if axis.rotary else 'mm'} are written as plain numbers",
+                target.span,
+                hint="X Y Z U V W are lengths and A B C angles, unless the machine's configuration"
+                " says otherwise",
+            )
 
     def columns(self, task: Task) -> dict[str, Column]:
-        """`withdraw` and `feed` (the feed axis at the hole), and each letter's own place."""
+        """A column per letter; `feed`, the feed axis at the hole; `withdraw`, where it waits."""
         motion = task.program.motion
         assert motion is not None
         columns: dict[str, Column] = {
@@ -80,6 +104,8 @@ class GcodePost(PostProcessor):
         return columns
 
     def context(self, task: Task) -> dict[str, object]:
+        """`feed_axis` and `other_axes` (letters), `joints` (joint, letter), and the depths: `at`
+        writes a fixed depth as a place of the feed axis, `deeper` is the sign of going deeper."""
         motion = task.program.motion
         assert motion is not None
         feed = task.axes[motion.feed_axis]
@@ -87,6 +113,89 @@ class GcodePost(PostProcessor):
             "feed_axis": feed,
             "other_axes": tuple(x for x in LETTERS if x in task.axes and x != feed),
             "joints": tuple(zip((axis.name for axis in motion.axes), task.axes, strict=True)),
-            "at": lambda depth_mm: _at(depth_mm, motion.feed_sign),
-            "sign": "+" if motion.feed_sign > 0 else "-",
+            "at": lambda depth_mm: place_at(depth_mm, motion.feed_sign),
+            "deeper": "+" if motion.feed_sign > 0 else "-",
         }
+
+
+def place_at(depth_mm: float, feed_sign: int) -> str:
+    """The feed axis's place at `depth_mm`, from #1, its place at the hole.
+
+    >>> place_at(-60.0, 1), place_at(-60.0, -1), place_at(0.0, 1)
+    ('[#1 - 60.0000]', '[#1 + 60.0000]', '#1')
+    """
+    size = fixed(abs(depth_mm), LENGTH_DECIMALS)
+    if float(size) == 0.0:
+        return "#1"
+    return f"[#1 {'+' if depth_mm * feed_sign > 0 else '-'} {size}]"
+
+
+def _joint_column(motion: JointMotion, joint: int) -> Fixed:
+    """Lengths in mm, angles in degrees."""
+    values = motion.joints[:, joint]
+    if motion.axes[joint].rotary:
+        return Fixed(np.degrees(values), ANGLE_DECIMALS)
+    return Fixed(values, LENGTH_DECIMALS)
+
+
+def per_minute(per_second: float) -> str:
+    """A feed: mm/s as F counts it, in mm/min."""
+    return fixed(per_second * 60.0, FEED_DECIMALS)
+
+
+def rpm(rev_s: float) -> str:
+    """A spindle speed: rev/s as S counts it."""
+    return fixed(rev_s * 60.0, FEED_DECIMALS)
+
+
+def _check_vanishing(cycle: Cycle, task: Task, report: Report) -> None:
+    """F0 never moves, and M66 with Q0 does not wait: neither may come from rounding."""
+    for step in (*cycle.steps, *cycle.fault):
+        numbers: list[tuple[str, str, float]] = []
+        match step:
+            case MoveTo():
+                numbers = [("a speed", per_minute(step.speed_mm_s), step.speed_mm_s)]
+            case Plunge():
+                numbers = [("a feed", per_minute(step.feed_mm_s), step.feed_mm_s)]
+                if step.peck_mm is not None:
+                    numbers += [
+                        ("a return speed", per_minute(step.return_mm_s), step.return_mm_s),
+                        ("a peck", fixed(step.peck_mm, LENGTH_DECIMALS), step.peck_mm),
+                    ]
+            case StartSpindle():
+                numbers = [("a spindle speed", rpm(step.rev_s), step.rev_s)]
+            case WaitInput():
+                numbers = [("a timeout", fixed(step.timeout_s, TIME_DECIMALS), step.timeout_s)]
+        for what, text, value in numbers:
+            if float(text) <= 0.0:
+                report.error(
+                    "E651",
+                    f"process {cycle.process.name} has {what} of {value:g}, which is written as"
+                    f" {text}: the machine would stand still",
+                    cycle.process.span or task.emit.post.span,
+                    hint="check its unit",
+                )
+
+
+def _check_analogs(cycle: Cycle, task: Task, report: Report) -> None:
+    """M68 is given a share of the full scale, so the scale must be known and must reach so far."""
+    for step in (*cycle.steps, *cycle.fault):
+        signal = task.program.signals.get(step.role) if isinstance(step, SetAnalog) else None
+        if signal is None or not isinstance(step, SetAnalog):
+            continue  # a signal that is missing is reported by the base
+        if not signal.full_scale:
+            report.error(
+                "E624",
+                f"{signal.role} is written as a share of its full scale, which io does not state",
+                signal.span,
+                hint=f"say what it stands for: {signal.role} analog {signal.number} full …",
+            )
+        elif not 0.0 <= step.value <= signal.full_scale:
+            report.error(
+                "E623",
+                f"process {cycle.process.name} sets {signal.role} to {step.value:g}; its full scale"
+                f" is {signal.full_scale:g}",
+                cycle.process.span or signal.span,
+                labels=[Label(signal.span, "its full scale")],
+                hint="correct the value, or the signal's full scale",
+            )

@@ -141,19 +141,17 @@ def _inspect(options: argparse.Namespace) -> int:
 
 
 def _posts(options: argparse.Namespace) -> int:
-    from drillc.language.diagnostics import Refused, Report
+    from drillc.language.diagnostics import Report
     from drillc.output.registry import list_posts
 
     del options
     report = Report()
-    try:
-        listed = list_posts(report)
-    except Refused:
-        return _refused(report.diagnostics, as_json=False)
+    listed = list_posts(report)
     width = max((len(post.name) for post in listed), default=0)
     for post in listed:
         print(f"{post.name.ljust(width)}  {post.title}  ({post.origin})")
-    return EXIT_FINE
+    _say(report.diagnostics, as_json=False)
+    return EXIT_ERRORS if report.failed else EXIT_FINE
 
 
 # ── saying ───────────────────────────────────────────────────────────────────────────────────────

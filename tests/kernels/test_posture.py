@@ -139,6 +139,10 @@ def test_what_the_rule_cannot_decide_is_said_and_nan():
         np.testing.assert_array_equal(result.part_from_tool[4][:, 0], [0, 1, 0])
     along_up = posture.horizontal(feed, UP, 0, (0.0, 0.0, 1.0), 0.0)
     assert along_up.ambiguous[4:].all()  # up is perpendicular to everything horizontal
+    for off_axis, ambiguous in ((1e-5, False), (1e-7, True)):  # the threshold is 1e-6
+        sense = (np.sin(off_axis), np.cos(off_axis), 0.0)  # the feed's horizontal axis is -x
+        nearly = posture.horizontal(np.array([[0.0, 1.0, 0.5]]), UP, 1, sense, 0.0)
+        assert nearly.ambiguous[0] == ambiguous
     everywhere = posture.toward(feed, (0.0, 0.0, -1.0), 1, 0.0)
     assert everywhere.undefined.tolist() == [True] * 4 + [False] * 2
 
@@ -221,8 +225,14 @@ def test_a_lean_is_no_jump_and_a_twist_is(seed, twist, lean):
 
 
 def test_heading_jump_where_the_tool_turns_over_and_where_there_is_none():
+    """The second step of `over` is half a turn about z, not a flip."""
     over = np.stack([np.eye(3), np.diag([-1.0, 1.0, -1.0]), np.diag([1.0, -1.0, -1.0])])
     np.testing.assert_allclose(posture.heading_jump_rad(over), [0.0, np.pi], atol=1e-15)
+    for seed in range(20):  # rounding does not choose among the half turns
+        R = Rotation.random(rng=np.random.default_rng(seed))
+        turned = R * Rotation.from_rotvec([np.pi, 0.0, 0.0]) * Rotation.from_rotvec([0, 0, seed])
+        pair = np.stack([R.as_matrix(), turned.as_matrix()])
+        assert posture.heading_jump_rad(pair).tolist() == [0.0]
     gap = np.stack([np.eye(3), np.full((3, 3), np.nan), np.eye(3), np.eye(3)])
     np.testing.assert_array_equal(posture.heading_jump_rad(gap), [np.nan, np.nan, 0.0])
     assert posture.heading_jump_rad(gap[:1]).shape == (0,)

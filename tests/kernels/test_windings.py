@@ -80,6 +80,18 @@ def test_ties_are_settled_by_the_middle_and_not_by_rounding(shift):
 @pytest.mark.parametrize("half_turn", [np.pi, -np.pi])
 def test_half_a_turn_is_positive(half_turn):
     assert unwrap(np.array([half_turn]), -np.pi, np.pi).tolist() == [np.pi]
+    assert unwrap(np.array([half_turn, 0.0]), -np.pi, np.pi).tolist() == [np.pi, 0.0]
+
+
+def test_it_turns_back_on_the_longest_step():
+    """Turning back over a step d costs 2 pi - d for d, so a micro-radian decides where.
+
+    The middle of the limits would have it two steps later.
+    """
+    smooth = np.array([0.0, 1.0, 2.000001, 3.0, 4.0, 5.0, 6.0, 7.0])
+    result = unwrap(np.angle(np.exp(1j * smooth)), -6.1, 6.1)
+    back = np.array([0, 0, 1, 1, 1, 1, 1, 1]) * TURN
+    np.testing.assert_allclose(result, smooth - back, atol=1e-12)
 
 
 def test_what_does_not_fit_is_skipped_over():

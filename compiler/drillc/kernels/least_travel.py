@@ -72,7 +72,7 @@ def least_travel(
 
     NaN where there is no solution: low > high, or an input is NaN. The travel is then least along
     the remaining holes. Raises ValueError for weights that are not positive and finite.
-    Linear time, (n,)-columns only. Source: seeds-checked, "Portal riveting robot"; the seed
+    Linear time, some 150 bytes a hole. Source: seeds-checked, "Portal riveting robot"; the seed
     itself takes h = H/2 throughout.
     """
     if not all(0.0 < weight < inf for weight in weights):

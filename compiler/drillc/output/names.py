@@ -36,6 +36,12 @@ _NO_LETTER = re.compile(r"^(?=[^A-Za-z])", re.MULTILINE)
 _UNPRINTABLE = re.compile(r"[^\x20-\x7e]")
 
 
+#: No file on Windows, where KRC and many an offline PC run, can bear these names.
+_NO_FILES = frozenset({"con", "prn", "aux", "nul"}) | {
+    f"{device}{number}" for device in ("com", "lpt") for number in range(1, 10)
+}
+
+
 @dataclass(frozen=True)
 class NameRules:
     """What a controller takes as a name, beyond "a letter, then letters, digits and _".
@@ -218,6 +224,8 @@ def _check(
         fold = rules.fold(entry.emitted)
         if fold in taken:
             _report_taken(entry, taken[fold], report)
+        elif entry.kind in ("program", "module") and fold.lower() in _NO_FILES:
+            _report_taken(entry, "a name that no file on Windows can have", report)
         if other := seen.get(fold):
             _report_equal(other, entry, report)
         seen.setdefault(fold, entry)

@@ -34,6 +34,7 @@ from jinja2 import (
     StrictUndefined,
     TemplateAssertionError,
     TemplateError,
+    TemplateSyntaxError,
     Undefined,
     nodes,
 )
@@ -185,6 +186,7 @@ class Stage:
     ) -> None:
         self._package = package
         self._columns = columns
+        self._templates: dict[str, str] = {}  # file → template, to say where a mistake is
         self._environment = ImmutableSandboxedEnvironment(
             loader=FunctionLoader(self._load),
             undefined=StrictUndefined,
@@ -204,14 +206,12 @@ class Stage:
     ) -> StagedText:
         """Render `template` once. Raises `StagingError` for every mistake in the template."""
         bodies = _Bodies(self._columns)
-        filename = template
         try:
             compiled = self._environment.get_template(template)
-            filename = compiled.filename or template
             text = compiled.render({**context, "per_hole": bodies.per_hole})
             parts = bodies.split(text, newline)
         except Exception as error:  # also a filter's or a macro's own failure
-            raise StagingError(_said(error, template, filename)) from error
+            raise StagingError(_said(error, template, self._templates)) from error
         return StagedText(parts, self._columns)
 
     def _load(self, name: str) -> tuple[str, str, Callable[[], bool]] | None:
@@ -219,6 +219,7 @@ class Stage:
         if ".." in name.split("/") or not file.is_file():
             return None
         source = file.read_text(encoding="utf-8")
+        self._templates[str(file)] = name
         _check_blocks(self._environment.parse(source, name, str(file)))
         return source, str(file), lambda: True
 
@@ -327,15 +328,16 @@ def _check_blocks(template: nodes.Template) -> None:
                 )
 
 
-def _said(error: Exception, template: str, filename: str) -> str:
-    """`error` as one sentence with template and line."""
+def _said(error: Exception, template: str, loaded: Mapping[str, str]) -> str:
+    """`error` as one sentence, with the template (which may be an included one) and the line."""
     message = str(error)
-    line: int | None = None
-    if isinstance(error, TemplateError):
-        message, line = error.message or message, getattr(error, "lineno", None)
-    elif not isinstance(error, StagingError):
+    place = template
+    if isinstance(error, TemplateSyntaxError):
+        message = error.message or message
+        place = f"{error.name or template}:{error.lineno}"
+    elif not isinstance(error, TemplateError | StagingError):
         message = f"{type(error).__name__}: {message}"
     for frame in traceback.extract_tb(error.__traceback__):
-        if frame.filename == filename:
-            line = frame.lineno
-    return f"{template}:{line}: {message}" if line else f"{template}: {message}"
+        if frame.filename in loaded:
+            place = f"{loaded[frame.filename]}:{frame.lineno}"
+    return f"{place}: {message}"

@@ -278,8 +278,9 @@ def _confirm(job: Job, geometry: PortalGeometry, q: Floats) -> Floats:
 
 
 def _motion(job: Job, robot: Portal, q: Floats) -> JointMotion:
-    """The tool withdraws to the lower (from above: the higher) of the standoff it leaves and the one
-    it goes to, before the part moves: so it is clear of both while the plate turns."""
+    """The tool withdraws before the part moves, to the lower (working from above: the higher) of the
+    standoff it leaves and the one it goes to, so it is clear of both while the plate turns. Before
+    the first hole nobody knows how the part stands, so there it withdraws as far as it can."""
     sign: int = 1 if robot.side == "below" else -1
     approach, retract = np.empty(len(q)), np.empty(len(q))
     for region in job.regions:
@@ -291,6 +292,7 @@ def _motion(job: Job, robot: Portal, q: Floats) -> JointMotion:
     withdraw = arrive.copy()
     clear = np.minimum if sign > 0 else np.maximum
     withdraw[1:] = clear(arrive[1:], leave[:-1])
+    withdraw[:1] = robot.limits[_FEED_AXIS].low if sign > 0 else robot.limits[_FEED_AXIS].high
     return JointMotion(AXES, q, _FEED_AXIS, 1 if sign > 0 else -1, withdraw, robot.speeds)
 
 
