@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-
 from drillc.language.diagnostics import Label, Report
 from drillc.language.job import Process, Signal
 from drillc.output.acceptance import SPINDLE_SPEED
@@ -21,7 +20,6 @@ from drillc.planning.program import (
     StartSpindle,
     StopSpindle,
     SwitchOutput,
-    WaitInput,
 )
 
 #: What an operator's message may hold, on either controller.
@@ -73,7 +71,7 @@ def check_fault(cycle: Cycle) -> None:
 
 
 def analog_uses(program: Program) -> Iterator[tuple[Process, Signal, float]]:
-    """Every value that an analog output of the cell is given: process, signal, value (base units)."""
+    """Every value that an analog output is given: process, signal, value in base units."""
     for cycle in program.cycles:
         for step in (*cycle.steps, *cycle.fault):
             match step:

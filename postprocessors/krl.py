@@ -15,7 +15,6 @@ from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
-
 from drillc.kernels.rotations import kuka_abc_from_matrix
 from drillc.language.diagnostics import Label, Report
 from drillc.language.job import Floats, Pose, Signal, Tool
@@ -24,7 +23,8 @@ from drillc.output.names import NameRules
 from drillc.output.numbers import Column, Fixed, fixed
 from drillc.output.post import Accepts, Option, PostProcessor, Task
 from drillc.planning.program import JointMotion, Program
-from drillc.postprocessors._robot import (
+
+from ._robot import (
     analog_shown,
     analog_uses,
     check_fault,
@@ -38,7 +38,7 @@ from drillc.postprocessors._robot import (
 
 #: Angles to 1e-4 deg: A, B and C together turn the tool by less than 2e-4 deg, in gimbal lock too.
 ANGLE_DECIMALS = 4
-#: A joint turns the whole part, and a frame carries it: one digit more (single precision ends here).
+#: A joint turns the whole part, and a frame carries it: one digit more, where REAL ends.
 FINE_DECIMALS = 5
 LENGTH_DECIMALS = 3
 
@@ -56,7 +56,7 @@ KEYWORDS = frozenset(
     POS PRIO PTP PTP_REL PTP_SPLINE PUBLIC PULSE REAL REPEAT RESUME RETURN SCIRC SCIRC_REL SEC
     SIGNAL SLIN SLIN_REL SPL SPLINE SPL_REL SPTP SPTP_REL SREAD STEP STOP STRUC SWITCH SWRITE SYN
     SYNC TASK THEN TIME_BLOCK TO TRIGGER TRUE UNTIL WAIT WHEN WHILE WITH
-    """.split()
+    """.split()  # noqa: SIM905 (a table of words)
 )
 #: Names of the controller, which share the one name space, and names of the templates.
 RESERVED = frozenset(
@@ -67,8 +67,8 @@ RESERVED = frozenset(
     TOOL_DATA BASE_DATA LOAD_DATA TOOL_NAME BASE_NAME TOOL_CORR BASE_CORR LOAD MACHINE_DEF
     FDAT PDAT LDAT FDAT_ACT PDAT_ACT LDAT_ACT HOME XHOME FHOME PDEFAULT LDEFAULT INITMOV FRAMES
     LAST_BASIS LAST_TP_PARAMS
-    HOLE DEPTH WITHDRAW AT BOTTOM STANDOFF
-    """.split()
+    HOLE DEPTH WITHDRAW AT NOW BOTTOM STANDOFF
+    """.split()  # noqa: SIM905 (a table of words)
 )
 
 
@@ -107,9 +107,7 @@ def _load_text(tool: Tool) -> str:
     if tool.mass_kg is None or tool.centre_of_gravity_mm is None:
         return ""
     centre = _parts("XYZ", tool.centre_of_gravity_mm, LENGTH_DECIMALS)
-    return (
-        f"M {fixed(tool.mass_kg, 3)},CM {{{centre},A 0.0,B 0.0,C 0.0}},J {{X 0.0,Y 0.0,Z 0.0}}"
-    )
+    return f"M {fixed(tool.mass_kg, 3)},CM {{{centre},A 0.0,B 0.0,C 0.0}},J {{X 0.0,Y 0.0,Z 0.0}}"
 
 
 def _parts(names: Sequence[str], values: Floats, decimals: int) -> str:

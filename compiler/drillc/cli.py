@@ -23,6 +23,9 @@ EXIT_ERRORS = 1
 EXIT_USAGE = 2
 EXIT_BUG = 70
 
+#: A terminal gets at most so many messages, errors first; `--json` gives all.
+MOST_SHOWN = 100
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
@@ -176,8 +179,12 @@ def _say(diagnostics: Sequence[Diagnostic], as_json: bool, json_to: object | Non
         stream = sys.stdout if json_to is None else sys.stderr
         print(json.dumps([to_json(d) for d in diagnostics], indent=2), file=stream)
         return
-    for diagnostic in diagnostics:
+    errors = [d for d in diagnostics if d.severity == "error"]
+    shown = diagnostics if len(diagnostics) <= MOST_SHOWN else (errors or diagnostics)[:MOST_SHOWN]
+    for diagnostic in shown:
         print(render(diagnostic), file=sys.stderr)
+    if len(shown) < len(diagnostics):
+        print(f"… and {len(diagnostics) - len(shown):,} more messages", file=sys.stderr)
 
 
 def _bug(error: Exception) -> int:

@@ -1,12 +1,12 @@
 """LinuxCNC as a judge: its own interpreter reads what drillc emits.
 
-    from judges.linuxcnc import needs_linuxcnc, run_gcode
+    from judges.linuxcnc import run_gcode
 
-    @needs_linuxcnc
-    def test_…(tmp_path): …
+    judged = run_gcode(tmp_path / "gcode" / "portal_a.ngc")
+    assert judged.error is None
 
-It shares no code with drillc. Where LinuxCNC is absent, tests are skipped and say so; with the
-environment variable DRILLC_REQUIRE_LINUXCNC=1 (as in CI) they fail instead.
+It shares no code with drillc. Where LinuxCNC is absent, `run_gcode` and `run_rs274` skip the test
+and say so; with the environment variable DRILLC_REQUIRE_LINUXCNC=1 (as in CI) they fail it.
 """
 
 from __future__ import annotations
@@ -59,12 +59,6 @@ def absence() -> str | None:
         return "rs274 is not installed (Debian: apt install linuxcnc-uspace)"
     probe = subprocess.run([PYTHON, "-c", "import gcode"], capture_output=True, text=True)
     return f"{PYTHON} has no gcode module: {probe.stderr[-200:]}" if probe.returncode else None
-
-
-@pytest.fixture
-def linuxcnc() -> None:
-    """Ask for it to be skipped, or failed, where LinuxCNC is absent."""
-    require_linuxcnc()
 
 
 def require_linuxcnc() -> None:

@@ -178,10 +178,14 @@ class Builder:
     def condition(self, tree: Tree[Token]) -> ast.Condition:
         rule, children = str(tree.data), tree.children
         if rule in {"either", "both"}:
-            left, right = (self.condition(_tree(child)) for child in children)
-            return ast.Either(left, right) if rule == "either" else ast.Both(left, right)
+            terms = [self.condition(term) for term in _terms(tree)]
+            return _balanced(ast.Either if rule == "either" else ast.Both, terms)
         if rule == "negation":
-            return ast.Not(self.condition(_tree(children[0])))
+            inner, negated = tree, False
+            while inner.data == "negation":
+                inner, negated = _tree(inner.children[0]), not negated
+            built = self.condition(inner)
+            return ast.Not(built) if negated else built
         first = self.word(_token(children[0]))
         if rule == "member":
             return ast.Member(first)
@@ -215,6 +219,25 @@ _KEYS = {
     "sink_by": "by",
     "sink_diameter": "diameter",
 }
+
+
+def _terms(tree: Tree[Token]) -> list[Tree[Token]]:
+    """The terms of `a or b or …` in order; Lark nests them to the left, one deeper each."""
+    rule, terms = tree.data, []
+    while tree.data == rule:
+        terms.append(_tree(tree.children[1]))
+        tree = _tree(tree.children[0])
+    return [tree, *reversed(terms)]
+
+
+def _balanced(
+    join: type[ast.Either] | type[ast.Both], terms: list[ast.Condition]
+) -> ast.Condition:
+    """One condition of many terms, only as deep as their logarithm: it is walked by recursion."""
+    if len(terms) == 1:
+        return terms[0]
+    middle = len(terms) // 2
+    return join(_balanced(join, terms[:middle]), _balanced(join, terms[middle:]))
 
 
 def _tree(node: Node) -> Tree[Token]:

@@ -19,6 +19,8 @@ Severity = Literal["error", "warning"]
 DRAWN_WIDTH = 120
 #: How many holes of one code are named one by one before the rest is only counted.
 NAMED_ROWS = 10
+#: Messages are cut at this length: a name or a number in one may have 100,000 characters.
+MESSAGE_LENGTH = 800
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ class Report:
         hint: str | None = None,
     ) -> None:
         """Add a diagnostic; a code that starts with W makes it a warning."""
-        self.diagnostics.append(Diagnostic(code, message, span, tuple(labels), hint))
+        clipped = _clipped(message), None if hint is None else _clipped(hint)
+        self.diagnostics.append(Diagnostic(code, clipped[0], span, tuple(labels), clipped[1]))
 
     warn = error
 
@@ -84,15 +87,15 @@ class Report:
 
 def render(diagnostic: Diagnostic) -> str:
     """Draw a diagnostic: `file:line:col: error E101: …`, the source line with a caret, labels, hint."""
-    head = f"{diagnostic.severity} {diagnostic.code}: {diagnostic.message}"
+    head = f"{diagnostic.severity} {diagnostic.code}: {printable(diagnostic.message)}"
     lines = [f"{_place(diagnostic.span)}: {head}" if diagnostic.span else head]
     if diagnostic.span:
         lines += _drawn(diagnostic.span)
     for label in diagnostic.labels:
-        lines.append(f"  {_place(label.span)}: {label.text}")
+        lines.append(f"  {_place(label.span)}: {printable(label.text)}")
         lines += _drawn(label.span)
     if diagnostic.hint:
-        lines.append(f"  hint: {diagnostic.hint}")
+        lines.append(f"  hint: {printable(diagnostic.hint)}")
     return "\n".join(lines)
 
 
@@ -111,6 +114,10 @@ def as_json(diagnostic: Diagnostic) -> dict[str, object]:
 def printable(text: str) -> str:
     """`text` with control characters replaced, so that no input can steer a terminal."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def _clipped(text: str) -> str:
+    return text if len(text) <= MESSAGE_LENGTH else text[: MESSAGE_LENGTH - 1] + "…"
 
 
 def _json_span(span: Span | None) -> dict[str, object]:

@@ -6,6 +6,8 @@ folder, or `--root`) after every link is followed.
 
 from __future__ import annotations
 
+import hashlib
+import os
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
@@ -36,7 +38,7 @@ class Loader:
 
     def read(self, path: Path, limit: int, span: Span | None) -> Source | None:
         """Read one text file; None after reporting why it cannot be read."""
-        shown = self._shown(path)
+        shown = Path(os.path.normpath(path)).as_posix()
         try:
             size = path.stat().st_size
             if not path.is_file():
@@ -80,7 +82,12 @@ class Loader:
                 "E123", f"{shown} is not a text file: it has a zero byte at line {line}", span
             )
             return None
-        return Source(path, shown, text.replace("\r\n", "\n").replace("\r", "\n"))
+        real = path.resolve()
+        # Only the spec itself, named by the user and not by a file, can lie outside the root.
+        inside = real.is_relative_to(self.root)
+        key = real.relative_to(self.root).as_posix() if inside else path.name
+        lines = text.replace("\r\n", "\n").replace("\r", "\n")
+        return Source(path, shown, lines, key, hashlib.sha256(raw).hexdigest())
 
     def resolve(self, written: Text, holder: Source) -> Path | None:
         """The path that `written` means in the file `holder`, checked to stay inside the root."""
@@ -120,12 +127,6 @@ class Loader:
             )
             return None
         return path
-
-    def _shown(self, path: Path) -> str:
-        try:
-            return path.resolve().relative_to(self.root).as_posix()
-        except (OSError, RuntimeError, ValueError):
-            return path.name
 
 
 @dataclass

@@ -29,7 +29,8 @@ MAX_NESTING = 32
 MAX_SYNTAX_ERRORS = 20
 
 _BRACKETS = re.compile(r'#[^\n]*|"[^"\n]*"|[(){}]')
-_POINTS_BLOCK = re.compile(r"\bpoints\b[^{}\n]*\{(?:[^{}#]+|#[^\n]*)*\}")
+# Possessive: a block that is not closed is given up at once, instead of after every way to cut it.
+_POINTS_BLOCK = re.compile(r"\bpoints\b\s*+(?:[\w/%]++\s*+)?\{(?:[^{}#]++|#[^\n]*+)*+\}")
 _STATEMENT_START = re.compile(
     r"^[ \t]*(?:program|use|part|tool|robot|fixture|io|process|holes|region|skip|sequence|expect|emit)"
     r"(?![A-Za-z0-9_])",

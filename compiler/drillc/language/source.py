@@ -19,15 +19,17 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A file that was read: its path as the user would name it, and its text.
+    """A file that was read.
 
-    `shown` is relative to the folder of the spec, so that messages and outputs do not depend on
-    where the tree lies. `spec_text` is empty for tables, whose lines are fetched when drawn.
+    `shown` is its path as a person would type it, for messages. `key` is its path below the root and
+    `sha256` the hash of its bytes, for the manifest: neither depends on where the tree lies.
     """
 
     path: Path
     shown: str
     text: str
+    key: str = ""
+    sha256: str = ""
     _line_starts: list[int] = field(default_factory=list, init=False, repr=False)
 
     def line_starts(self) -> list[int]:

@@ -180,26 +180,28 @@ def _all_printable(
     before = len(report.diagnostics)
 
     def refuse(what: str, text: str, span: Span | None) -> None:
+        wrong = f"{what} {text!a} holds a character that no controller reads"
         report.error(
             "E640",
-            f"{what} {text!r} holds a character that no controller reads",
+            wrong if text else f"the {what} is empty",
             span,
             hint="use letters, digits and plain punctuation (ASCII)",
         )
 
     joined = "\n".join(ids)
-    if _UNPRINTABLE.search(joined.replace("\n", "")) or joined.count("\n") != max(0, len(ids) - 1):
-        rows = [row for row, text in enumerate(ids) if _UNPRINTABLE.search(text)]
+    strange = _UNPRINTABLE.search(joined.replace("\n", "")) is not None
+    if strange or joined.count("\n") != max(0, len(ids) - 1) or "" in ids:
+        rows = [row for row, text in enumerate(ids) if not text or _UNPRINTABLE.search(text)]
         for row in rows[:NAMED_ROWS]:
             refuse("hole id", ids[row], program.holes.span(row))
         _count_rest("E640", "hole ids with such characters", rows, report)
-    if _UNPRINTABLE.search(program.name):
+    if not program.name or _UNPRINTABLE.search(program.name):
         refuse("program name", program.name, emit_span)
     for cycle in program.cycles:
-        if _UNPRINTABLE.search(cycle.process.name):
+        if not cycle.process.name or _UNPRINTABLE.search(cycle.process.name):
             refuse("process name", cycle.process.name, cycle.process.span or emit_span)
     for region, span in regions.items():
-        if _UNPRINTABLE.search(region):
+        if not region or _UNPRINTABLE.search(region):
             refuse("region name", region, span)
     return len(report.diagnostics) == before
 

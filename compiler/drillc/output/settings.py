@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -63,6 +64,8 @@ def _wrong(option: Option, setting: Setting, rules: NameRules) -> tuple[str, str
         return None
     if isinstance(value, str):
         return "E632", f"is a number, not {value!r}"
+    if not math.isfinite(value):
+        return "E632", "is no number that can be written"
     dimension = UNITS[setting.unit].dimension if setting.unit else None
     if dimension != option.dimension:
         wanted = said(option.dimension) if option.dimension else "a number without a unit"

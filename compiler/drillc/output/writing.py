@@ -150,9 +150,7 @@ def _pour(folder: Path, files: Iterable[OutFile]) -> dict[str, str]:
 
 
 def _input_hashes(job: Job) -> dict[str, str]:
-    return {
-        source.shown: hashlib.sha256(source.path.read_bytes()).hexdigest() for source in job.inputs
-    }
+    return {source.key: source.sha256 for source in job.inputs}
 
 
 def _write_manifest(
