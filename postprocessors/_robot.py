@@ -57,10 +57,11 @@ def wait_message(routine: str, signal: str, role: str, timeout_s: float) -> str:
     """What the operator reads when `signal` (the controller's word for it) did not come.
 
     >>> wait_message("drill6", "$IN[14]", "clamped", 3.0)
-    'drill6: $IN[14] (clamped) not on within 3.000 s'
+    'drill6: no signal $IN[14] (clamped) within 3.000 s'
     """
-    head, tail = f"{routine}: {signal} (", f") not on within {fixed(timeout_s, 3)} s"
-    return head + role[: max(0, MESSAGE_LENGTH - len(head) - len(tail))] + tail
+    full = f"{routine}: no signal {signal} ({role}) within {fixed(timeout_s, 3)} s"
+    short = f"{routine}: no signal {signal}"
+    return full if len(full) <= MESSAGE_LENGTH else short[:MESSAGE_LENGTH]
 
 
 def check_fault(cycle: Cycle) -> None:

@@ -62,6 +62,7 @@ class GcodePost(PostProcessor):
     length_decimals: ClassVar[int] = LENGTH_DECIMALS
     # Comments do not nest; and ; would begin another kind of comment in some readers.
     comment_forbidden: ClassVar[str] = "();"
+    hole_line: ClassVar[str] = r"\(hole (.*)\)"
     filters: ClassVar[dict[str, Callable[[float], str]]] = {
         "per_minute": lambda per_second: per_minute(per_second),
         "rpm": lambda rev_s: rpm(rev_s),

@@ -9,7 +9,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,9 +97,15 @@ def _compile(options: argparse.Namespace) -> int:
     report = Report()
     out = options.out or Path("out") / options.spec.stem
     try:
-        written = compile_spec(
-            options.spec, out, report, root=options.root, posts=tuple(options.post)
-        )
+        with _progress_line() as progress:
+            written = compile_spec(
+                options.spec,
+                out,
+                report,
+                root=options.root,
+                posts=tuple(options.post),
+                progress=progress,
+            )
     except Refused:
         return _refused(report.diagnostics, options.json)
     _say(report.diagnostics, options.json)
@@ -155,6 +162,22 @@ def _posts(options: argparse.Namespace) -> int:
         print(f"{post.name.ljust(width)}  {post.title}  ({post.origin})")
     _say(report.diagnostics, as_json=False)
     return EXIT_ERRORS if report.failed else EXIT_FINE
+
+
+@contextmanager
+def _progress_line() -> Iterator[Callable[[str], None]]:
+    """One line on the error stream that says what is being done; none where nobody is looking."""
+    if not sys.stderr.isatty():
+        yield lambda doing: None
+        return
+
+    def show(doing: str) -> None:
+        print(f"\r\x1b[K{doing[:78]}", end="", file=sys.stderr, flush=True)
+
+    try:
+        yield show
+    finally:
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 # ── saying ───────────────────────────────────────────────────────────────────────────────────────

@@ -1,14 +1,14 @@
 """The passes, in the order they run.
 
-    text ─parse→ syntax tree ─resolve→ Job ─pose→ postures ─solve→ joints ─plan→ Program ─emit→ files
+    text ─parse→ tree ─resolve→ Job ─pose→ postures ─solve→ joints ─plan→ Program ─emit→ files
 
-Each stage reports all its mistakes and stops there; nothing is written before everything has passed.
+Each stage reports all its mistakes and stops there; nothing is written before all has passed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,14 @@ if TYPE_CHECKING:
     from drillc.output.emission import OutFile
 
 
+#: Told in a few words what is being done, for a person who waits.
+Progress = Callable[[str], None]
+
+
+def quiet(doing: str) -> None:
+    """Progress that nobody watches."""
+
+
 @dataclass(frozen=True, eq=False)
 class Planned:
     """What a spec comes to, before any controller: the job, the poses, the joints, the program."""
@@ -31,7 +39,9 @@ class Planned:
     program: Program
 
 
-def plan_spec(path: Path, root: Path | None, report: Report) -> Planned:
+def plan_spec(
+    path: Path, root: Path | None, report: Report, progress: Progress = quiet
+) -> Planned:
     """Run every pass up to the Program. Raises `Refused` at the end of the first stage with errors;
     warnings stay in `report`."""
     from drillc.language.loading import load
@@ -43,12 +53,15 @@ def plan_spec(path: Path, root: Path | None, report: Report) -> Planned:
     from drillc.planning.portal_joints import solve_portal
     from drillc.planning.postures import check_heading_jumps, resolve_postures
 
+    progress("reading the spec")
     loader, loaded = load(path, root, report)
     report.stop_if_failed()
     if loaded is None:
         raise AssertionError("nothing was loaded and nothing was said")
+    progress("reading the holes")
     job = resolve(loaded, loader, report)
 
+    progress(f"solving {len(job.holes):,} holes")
     depth_mm = plunge_depths(job, report)
     solution = None
     if job.robot is not None:
@@ -61,6 +74,7 @@ def plan_spec(path: Path, root: Path | None, report: Report) -> Planned:
         part_from_tool = resolve_postures(job, report)
     report.stop_if_failed()
 
+    progress(f"checking {len(job.holes):,} holes")
     check_heading_jumps(job, part_from_tool, report)
     check_fixtures(job, part_from_tool, depth_mm, report)
     joints = None if solution is None else solution.motion.joints
@@ -85,6 +99,7 @@ def compile_spec(
     *,
     root: Path | None = None,
     posts: Sequence[str] = (),
+    progress: Progress = quiet,
 ) -> list[Path]:
     """Compile a spec into the folder `out` and return the files written, sorted.
 
@@ -93,9 +108,11 @@ def compile_spec(
     """
     from drillc.output.writing import write_outputs
 
-    planned = plan_spec(path, root, report)
+    planned = plan_spec(path, root, report, progress)
+    progress("preparing the files")
     files = _emit(planned, _wanted(planned.job, posts, report), report)
-    return write_outputs(out, files, planned.job, report)
+    watched = [replace(file, chunks=_watched(file, progress)) for file in files]
+    return write_outputs(out, watched, planned.job, report)
 
 
 def _emit(planned: Planned, emits: Sequence[Emit], report: Report) -> list[OutFile]:
@@ -112,6 +129,14 @@ def _emit(planned: Planned, emits: Sequence[Emit], report: Report) -> list[OutFi
     ]
     report.stop_if_failed()
     return files
+
+
+def _watched(file: OutFile, progress: Progress) -> Iterator[bytes]:
+    written = 0
+    for chunk in file.chunks:
+        progress(f"writing {file.path}, {written / 1e6:.1f} MB")
+        written += len(chunk)
+        yield chunk
 
 
 def _wanted(job: Job, posts: Sequence[str], report: Report) -> list[Emit]:

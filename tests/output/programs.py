@@ -240,7 +240,10 @@ def pose_program(
     n = sum(count for _, _, count in sections)
     rotations = _rotations(n) if n else np.zeros((0, 3, 3))
     steps = np.arange(n, dtype=np.float64)
-    position = np.stack([240.0 + 36.5 * steps, 2379.0 - 43.25 * steps, -542.0 + 0.125 * steps], 1)
+    row, column = np.divmod(steps, 500)
+    position = np.stack(
+        [240.0 + 36.5 * column, 2379.0 - 43.25 * column, -542.0 + 0.125 * steps + 30.0 * row], 1
+    )
     tool = Tool(
         named("ee90", 5),
         number=3,
@@ -282,8 +285,8 @@ def joint_program(
     i = np.arange(n, dtype=np.float64)
     joints = np.stack(
         [
-            46.3 + 11.25 * i,
-            4953.7 - 7.5 * i,
+            46.3 + 11.25 * (i % 500),
+            4953.7 - 7.5 * (i % 500),
             np.radians(110.0 - 1.25 * i % 60),
             5619.9 + 33.3 * i % 2000,
             290.5 - 21.7 * i % 700,

@@ -13,14 +13,14 @@ from drillc.output.emission import OutFile
 from drillc.output.writing import write_outputs
 from output.programs import named
 
+SPEC_SHA256 = hashlib.sha256(b"drill 1\n").hexdigest()
 FILES = [OutFile("krl/A.src", [b"DEF ", b"A()\r\n"]), OutFile("gcode/a.ngc", [b"M2\n"])]
 
 
 @pytest.fixture
 def job(tmp_path: Path) -> Job:
+    (tmp_path / "in").mkdir()
     spec = tmp_path / "in" / "a.drill"
-    spec.parent.mkdir()
-    spec.write_text("drill 1\n")
     part = Part(named("skin"), None, True, 1e-3, None)
     return Job(
         program=named("A"),
@@ -35,7 +35,7 @@ def job(tmp_path: Path) -> Job:
         heading_jump_max_rad=None,
         expects=(),
         emits=(),
-        inputs=(Source(spec, "a.drill", "drill 1\n"),),
+        inputs=(Source(spec, "a.drill", "drill 1\n", "a.drill", sha256=SPEC_SHA256),),
     )
 
 
@@ -66,7 +66,7 @@ def test_files_and_manifest(tmp_path: Path, job: Job) -> None:
     assert files["krl/A.src"] == b"DEF A()\r\n"
     assert json.loads(files["manifest.json"]) == {
         "drillc": drillc.__version__,
-        "inputs": {"a.drill": hashlib.sha256(b"drill 1\n").hexdigest()},
+        "inputs": {"a.drill": SPEC_SHA256},
         "outputs": {
             "gcode/a.ngc": hashlib.sha256(b"M2\n").hexdigest(),
             "krl/A.src": hashlib.sha256(b"DEF A()\r\n").hexdigest(),

@@ -38,11 +38,12 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Numbers in parentheses, and the unit behind them, if one was written."""
+    """Numbers in parentheses, and the unit behind them, if one was written. `spans` places each."""
 
     numbers: tuple[str, ...]
     unit: str | None
     span: Span
+    spans: tuple[Span, ...]
 
 
 @dataclass(frozen=True)
@@ -134,14 +135,16 @@ class Not:
 
 @dataclass(frozen=True)
 class Both:
-    left: Condition
-    right: Condition
+    """All of `parts` hold (two or more)."""
+
+    parts: tuple[Condition, ...]
 
 
 @dataclass(frozen=True)
 class Either:
-    left: Condition
-    right: Condition
+    """At least one of `parts` holds (two or more)."""
+
+    parts: tuple[Condition, ...]
 
 
 Condition = Member | Compare | Between | Like | Not | Both | Either

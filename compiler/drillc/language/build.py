@@ -118,8 +118,13 @@ class Builder:
         triple = tree
         if tree.data == "vector":
             triple, unit = _tree(tree.children[0]), tree.children[1]
-        numbers = tuple(str(_tree(child).children[0]) for child in triple.children)
-        return ast.Numbers(numbers, None if unit is None else str(unit), self.tree_span(tree))
+        tokens = [_token(_tree(child).children[0]) for child in triple.children]
+        return ast.Numbers(
+            tuple(map(str, tokens)),
+            None if unit is None else str(unit),
+            self.tree_span(tree),
+            tuple(map(self.token_span, tokens)),
+        )
 
     def direction(self, tree: Tree[Token]) -> ast.Word | ast.Numbers:
         child = tree.children[0]
@@ -172,14 +177,14 @@ class Builder:
             negated, region = _tree(membership).children
             member: ast.Condition = ast.Member(self.word(_token(region)))
             member = member if negated is None else ast.Not(member)
-            built = member if built is None else ast.Both(member, built)
+            built = member if built is None else ast.Both((member, built))
         return ast.Select(self.word(_token(table)), built, self.tree_span(tree))
 
     def condition(self, tree: Tree[Token]) -> ast.Condition:
         rule, children = str(tree.data), tree.children
         if rule in {"either", "both"}:
-            terms = [self.condition(term) for term in _terms(tree)]
-            return _balanced(ast.Either if rule == "either" else ast.Both, terms)
+            terms = tuple(self.condition(term) for term in _terms(tree))
+            return ast.Either(terms) if rule == "either" else ast.Both(terms)
         if rule == "negation":
             inner, negated = tree, False
             while inner.data == "negation":
@@ -228,16 +233,6 @@ def _terms(tree: Tree[Token]) -> list[Tree[Token]]:
         terms.append(_tree(tree.children[1]))
         tree = _tree(tree.children[0])
     return [tree, *reversed(terms)]
-
-
-def _balanced(
-    join: type[ast.Either] | type[ast.Both], terms: list[ast.Condition]
-) -> ast.Condition:
-    """One condition of many terms, only as deep as their logarithm: it is walked by recursion."""
-    if len(terms) == 1:
-        return terms[0]
-    middle = len(terms) // 2
-    return join(_balanced(join, terms[:middle]), _balanced(join, terms[middle:]))
 
 
 def _tree(node: Node) -> Tree[Token]:

@@ -1,7 +1,8 @@
 """What drillc says to its user: located, coded, with values, units and a hint that mends.
 
-A `Diagnostic` is data; `render` draws it for a person and `as_json` for an editor. `Report` collects
-a stage's diagnostics so that all mistakes of a stage are said at once; `Refused` carries them out.
+A `Diagnostic` is data; `render` draws it for a person and `as_json` for an editor. `Report`
+collects a stage's diagnostics so that all mistakes of a stage are said at once; `Refused` carries
+them out.
 The codes themselves, with cause and mend, are listed in docs/diagnostics.md.
 """
 
@@ -46,7 +47,7 @@ class Diagnostic:
         return "warning" if self.code.startswith("W") else "error"
 
 
-class Refused(Exception):
+class Refused(Exception):  # noqa: N818  (a verdict on the spec, no error of the program)
     """A stage found errors; the report holds them all. Never shown as a traceback."""
 
     def __init__(self, report: Report) -> None:

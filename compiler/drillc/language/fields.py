@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +14,6 @@ from drillc.language.ast import Item, Numbers, Placement, Quantity, Statement, V
 from drillc.language.columns import MAX_LENGTH_MM
 from drillc.language.diagnostics import Label, Report
 from drillc.language.job import Floats, Pose
-from drillc.language.source import Span
 from drillc.language.units import UNITS, Dimension, convert, said
 
 T = TypeVar("T")
@@ -28,13 +28,12 @@ _AXES = "xyz"
 def did_you_mean(name: str, known: Iterable[str]) -> str | None:
     """A hint that names the nearest known name, or lists what there is."""
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, 1, 0.6)
-    if not near:
-        folded = [n for n in names if n.lower() == name.lower()]
-        near = folded[:1]
+    near = [n for n in names if n.lower() == name.lower()]
+    near = near or difflib.get_close_matches(name, names, 1, 0.6)
     if near:
         return f'did you mean "{near[0]}"?'
-    return f"there is {', '.join(names[:12])}" if names else None
+    more = ", …" if len(names) > 12 else ""
+    return f"known: {', '.join(names[:12])}{more}" if names else None
 
 
 class Fields:
@@ -84,10 +83,8 @@ class Fields:
     ) -> float:
         """The first value of `key` in its base unit; NaN after an error. Without `default`, the
         item must be there."""
-        if math.isnan(default):
-            item = self.need(key, hint or f"add: {key} …")
-        else:
-            item = self.get(key)
+        needed = math.isnan(default)
+        item = self.need(key, hint or f"add: {key} …") if needed else self.get(key)
         if item is None:
             return default
         return measure(item.values[0], dimension, key, self.report, above=above, least=least)
@@ -112,7 +109,7 @@ def measure(
             "E203",
             f"{what} is {quantity.number} without a unit; it is {said(dimension)}",
             quantity.span,
-            hint=f"write the unit: {quantity.number} {_example(dimension)}",
+            hint=f"write the unit: {quantity.number} {example(dimension)}",
         )
         return math.nan
     unit = UNITS[quantity.unit]
@@ -122,6 +119,7 @@ def measure(
             f"{what} is {said(dimension)}, but {quantity.number} {quantity.unit} is "
             f"{said(unit.dimension)}",
             quantity.span,
+            hint=f"write {what} in {example(dimension)}",
         )
         return math.nan
     number = convert(quantity.number, unit)
@@ -129,16 +127,20 @@ def measure(
     if not abs(number) <= bound:
         report.error(
             "E205",
-            f"{what} is {quantity.number} {quantity.unit}, beyond anything a machine can do "
+            f"{what} is {_cut(quantity.number)} {quantity.unit}, beyond anything a machine can do "
             f"(the limit is {bound:g} {_base(dimension)})",
             quantity.span,
+            hint="check the unit and the decimal point",
         )
         return math.nan
     if (above is not None and number <= above) or (least is not None and number < least):
-        need = f"more than {above:g}" if above is not None else f"at least {least:g}"
+        bound = above if above is not None else least
+        need = "more than" if above is not None else "at least"
+        in_unit = _base(dimension) if bound else quantity.unit
         report.error(
             "E206",
-            f"{what} is {quantity.number} {quantity.unit}; it must be {need}",
+            f"{what} is {_cut(quantity.number)} {quantity.unit}; it must be {need} {bound:g} "
+            f"{in_unit}",
             quantity.span,
         )
         return math.nan
@@ -148,29 +150,22 @@ def measure(
 def whole(value: Value, what: str, low: int, high: int, report: Report) -> int:
     """A whole number without a unit, inside `low` … `high`; `low` after an error."""
     quantity = of_type(value, Quantity)
-    text = quantity.number
-    if quantity.unit is not None or not text.isdigit() or not low <= int(text[:12]) <= high:
-        unit = f" {quantity.unit}" if quantity.unit else ""
-        report.error(
-            "E207",
-            f"{what} is {text}{unit}; it must be a whole number from {low} to {high}",
-            quantity.span,
-        )
-        return low
-    return int(text)
+    digits = quantity.number.removeprefix("+").lstrip("0") or "0"
+    if quantity.unit is None and digits.isdigit() and len(digits) <= 12:
+        number = int(digits)
+        if low <= number <= high:
+            return number
+    unit = f" {quantity.unit}" if quantity.unit else ""
+    report.error(
+        "E207",
+        f"{what} is {_cut(quantity.number)}{unit}; it must be a whole number from {low} to {high}",
+        quantity.span,
+    )
+    return low
 
 
 def lengths(numbers: Numbers, what: str, report: Report) -> Floats:
     """Numbers with a unit of length, in mm (k,); NaN after an error."""
-    unit = numbers.unit
-    return np.array(
-        [measure(Quantity(n, unit, numbers.span), "length", what, report) for n in numbers.numbers]
-        if unit is not None and UNITS[unit].dimension == "length"
-        else [_one_error(numbers, what, report)] * len(numbers.numbers)
-    )
-
-
-def _one_error(numbers: Numbers, what: str, report: Report) -> float:
     shown = f"({', '.join(numbers.numbers)})"
     if numbers.unit is None:
         report.error(
@@ -179,14 +174,29 @@ def _one_error(numbers: Numbers, what: str, report: Report) -> float:
             numbers.span,
             hint=f"write the unit: {shown} mm",
         )
-    else:
+    elif UNITS[numbers.unit].dimension != "length":
         report.error(
             "E204",
             f"{what} is {said('length')}, but {shown} {numbers.unit} is "
             f"{said(UNITS[numbers.unit].dimension)}",
             numbers.span,
+            hint=f"write {what} in mm",
         )
-    return math.nan
+    else:
+        each = zip(_AXES, numbers.numbers, numbers.spans, strict=True)
+        return np.array(
+            [
+                measure(Quantity(n, numbers.unit, span), "length", f"{what}'s {axis}", report)
+                for axis, n, span in each
+            ]
+        )
+    return np.full(len(numbers.numbers), math.nan)
+
+
+def in_unit(numbers: Value, unit: Value) -> Numbers:
+    """Numbers and a unit that the grammar keeps apart, because it stands behind several."""
+    bare = of_type(numbers, Numbers)
+    return replace(bare, unit=unit.text if isinstance(unit, Word) else None)
 
 
 def unit_vector(value: Word | Numbers, what: str, report: Report) -> Floats | None:
@@ -200,7 +210,7 @@ def unit_vector(value: Word | Numbers, what: str, report: Report) -> Floats | No
     if not 1e-9 < scale < 1e9:
         report.error(
             "E208",
-            f"{what} is ({', '.join(value.numbers)}), which gives no direction",
+            f"{what} is ({', '.join(map(_cut, value.numbers))}), which gives no direction",
             value.span,
             hint="write a signed axis such as -Y, or three numbers that are not all zero",
         )
@@ -240,12 +250,8 @@ def of_type(value: Value, kind: type[V]) -> V:
     return value
 
 
-def place(item: Item | None, default: Span) -> Span:
-    """The span of an item, or of what stands for it."""
-    return default if item is None else item.span
-
-
-def _example(dimension: Dimension) -> str:
+def example(dimension: Dimension) -> str:
+    """The unit in which one would write a dimension."""
     return next(name for name, unit in UNITS.items() if unit.dimension == dimension)
 
 
@@ -262,3 +268,8 @@ def _base(dimension: Dimension) -> str:
         "mass": "kg",
         "share": "of one",
     }[dimension]
+
+
+def _cut(number: str) -> str:
+    """A number as it was written, unless it fills the screen."""
+    return number if len(number) <= 24 else f"{number[:20]}…"

@@ -6,6 +6,7 @@ folder, or `--root`) after every link is followed.
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import os
 from dataclasses import dataclass, field
@@ -17,10 +18,19 @@ from drillc.language.fields import of_type
 from drillc.language.parser import parse
 from drillc.language.source import Source, Span
 
-#: Bytes of a spec or cell file.
-MAX_SPEC_BYTES = 512 * 1024 * 1024
-#: Bytes of a CSV table.
-MAX_TABLE_BYTES = 4 * 1024 * 1024 * 1024
+
+@dataclass(frozen=True)
+class Limit:
+    """How many bytes a kind of file may have, and what a message calls that limit."""
+
+    name: str
+    size: int
+
+
+#: A spec or cell file.
+SPEC_LIMIT = Limit("MAX_SPEC_BYTES", 512 * 1024 * 1024)
+#: A CSV table.
+TABLE_LIMIT = Limit("MAX_TABLE_BYTES", 4 * 1024 * 1024 * 1024)
 #: How deep `use` may nest.
 MAX_USE_DEPTH = 16
 
@@ -36,7 +46,7 @@ class Loader:
     report: Report
     inputs: list[Source] = field(default_factory=list)
 
-    def read(self, path: Path, limit: int, span: Span | None) -> Source | None:
+    def read(self, path: Path, limit: Limit, span: Span | None) -> Source | None:
         """Read one text file; None after reporting why it cannot be read."""
         shown = Path(os.path.normpath(path)).as_posix()
         try:
@@ -44,14 +54,16 @@ class Loader:
             if not path.is_file():
                 self.report.error("E121", f"{shown} is not a file", span)
                 return None
-            if size > limit:
+            if size > limit.size:
                 self.report.error(
-                    "E122", f"{shown} has {size:,} bytes; the limit is {limit:,}", span
+                    "E122",
+                    f"{shown} has {size:,} bytes; the limit ({limit.name}) is {limit.size:,}",
+                    span,
                 )
                 return None
             raw = path.read_bytes()
         except FileNotFoundError:
-            self.report.error("E120", f"there is no file {shown}", span)
+            self.report.error("E120", f"there is no file {shown}", span, hint=_near_file(path))
             return None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "its name is not usable"
@@ -67,27 +79,44 @@ class Loader:
             # utf-8-sig drops the byte-order mark that spreadsheets write.
             text = raw.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            line = raw.count(b"\n", 0, error.start) + 1
-            byte = raw[error.start]
-            self.report.error(
-                "E123",
-                f"{shown} is not UTF-8: byte 0x{byte:02X} at line {line}",
-                span,
-                hint="save it as UTF-8 (a spreadsheet calls it “CSV UTF-8”)",
-            )
+            before = bytes(error.object[: error.start])
+            hint = "save it as UTF-8 (a spreadsheet calls it “CSV UTF-8”)"
+            if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+                hint = "it is UTF-16; " + hint
+            fault = f"byte 0x{error.object[error.start]:02X} is not UTF-8"
+            self._report_bytes(raw, len(before.decode()), path, shown, fault, hint, span)
             return None
         if "\0" in text:
-            line = text.count("\n", 0, text.index("\0")) + 1
-            self.report.error(
-                "E123", f"{shown} is not a text file: it has a zero byte at line {line}", span
+            self._report_bytes(
+                raw, text.index("\0"), path, shown, "a zero byte: this is no text file", None, span
             )
             return None
         real = path.resolve()
         # Only the spec itself, named by the user and not by a file, can lie outside the root.
         inside = real.is_relative_to(self.root)
         key = real.relative_to(self.root).as_posix() if inside else path.name
-        lines = text.replace("\r\n", "\n").replace("\r", "\n")
-        return Source(path, shown, lines, key, hashlib.sha256(raw).hexdigest())
+        return Source(path, shown, _unix(text), key, hashlib.sha256(raw).hexdigest())
+
+    def _report_bytes(
+        self,
+        raw: bytes,
+        at: int,
+        path: Path,
+        shown: str,
+        fault: str,
+        hint: str | None,
+        named: Span | None,
+    ) -> None:
+        """Point at character `at` of a file that is no text, and at the place that names it."""
+        text = raw.decode("utf-8-sig", errors="replace")
+        at -= text.count("\r\n", 0, at)
+        self.report.error(
+            "E123",
+            fault,
+            Source(path, shown, _unix(text)).span(at, at + 1),
+            labels=[Label(named, "read because of this")] if named else [],
+            hint=hint,
+        )
 
     def resolve(self, written: Text, holder: Source) -> Path | None:
         """The path that `written` means in the file `holder`, checked to stay inside the root."""
@@ -123,7 +152,7 @@ class Loader:
                 "E125",
                 f'"{name}" leads{through} out of the spec\'s folder',
                 written.span,
-                hint="widen what may be read with --root",
+                hint="put it inside; or widen what may be read: --root DIR",
             )
             return None
         return path
@@ -140,12 +169,14 @@ class Loaded:
 def load(path: Path, root: Path | None, report: Report) -> tuple[Loader, Loaded | None]:
     """Read and parse the spec at `path` and its cell files. All syntax errors are reported."""
     loader = Loader((root or path.parent).resolve(), report)
-    source = loader.read(path, MAX_SPEC_BYTES, None)
+    if root is not None and not root.is_dir():
+        report.error("E121", f"the root {root} is not a folder", hint="--root DIR: a folder")
+        return loader, None
+    source = loader.read(path, SPEC_LIMIT, None)
     spec = parse(source, report) if source else None
     if spec is None:
         return loader, None
     statements: list[Statement] = []
-    _check_version(spec, report)
     _collect(spec, loader, statements, [(path.resolve(), None)], set(), report)
     return loader, Loaded(spec, statements)
 
@@ -166,18 +197,21 @@ def _collect(
             continue
         written = of_type(statement.values[0], Text)
         path = loader.resolve(written, file.source)
-        real = path.resolve() if path else None
-        if path is None or real is None or real in done:
+        if path is None:
             continue
-        cycle = [span for seen, span in trail if seen == real]
-        if cycle:
+        real = path.resolve()
+        if any(seen == real for seen, _ in trail):
             report.error(
                 "E126",
                 f'"{written.text}" uses itself',
                 written.span,
-                labels=[Label(span, "on the way here") for _, span in trail if span],
+                labels=[Label(span, "by way of this") for _, span in trail if span],
+                hint="move what both need into a third file",
             )
             continue
+        if real in done:
+            continue
+        done.add(real)
         if len(trail) > MAX_USE_DEPTH:
             report.error(
                 "E127",
@@ -185,27 +219,12 @@ def _collect(
                 written.span,
             )
             continue
-        source = loader.read(path, MAX_SPEC_BYTES, written.span)
+        source = loader.read(path, SPEC_LIMIT, written.span)
         cell = parse(source, report) if source else None
         if cell is None:
             continue
-        _check_version(cell, report)
         _check_cell(cell, report)
         _collect(cell, loader, into, [*trail, (real, written.span)], done, report)
-        done.add(real)
-
-
-def _check_version(file: SpecFile, report: Report) -> None:
-    version = file.statements[0]
-    value = version.values[0]
-    number = getattr(value, "number", "")
-    if number != "1":
-        report.error(
-            "E104",
-            f"this is a spec of language version {number}; this drillc knows version 1",
-            version.span,
-            hint="begin the file with: drill 1",
-        )
 
 
 def _check_cell(file: SpecFile, report: Report) -> None:
@@ -217,3 +236,17 @@ def _check_cell(file: SpecFile, report: Report) -> None:
                 statement.name.span,
                 hint="a cell file declares tools, robots, fixtures, signals and processes",
             )
+
+
+def _unix(text: str) -> str:
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _near_file(path: Path) -> str | None:
+    """A file of nearly that name in the same folder."""
+    try:
+        names = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return None
+    near = difflib.get_close_matches(path.name, names, 1)
+    return f'did you mean "{near[0]}"?' if near else None

@@ -362,6 +362,16 @@ def _speeds(fields: Fields, report: Report) -> tuple[float | None, ...]:
         else:
             dimension: Dimension = "turning speed" if name == "q3" else "speed"
             speeds[name] = measure(entry.values[0], dimension, f"{name}'s speed", report, above=0)
+    travelling = ("q1", "q2", "q6")
+    missing = [name for name in travelling if name not in speeds]
+    if item is not None and 0 < len(missing) < len(travelling):
+        report.error(
+            "E226",
+            f"the speeds of {' and '.join(n for n in travelling if n in speeds)} are given, but not "
+            f"of {' and '.join(missing)}; height least_travel weighs the three against each other",
+            item.span,
+            hint="give all three, or none: then they are taken as equal",
+        )
     return tuple(speeds.get(name) for name in PORTAL_JOINTS)
 
 

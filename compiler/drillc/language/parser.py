@@ -1,8 +1,9 @@
 """Text → syntax tree, with every syntax error of the file reported at once.
 
 Lark parses with `grammars/drill.lark`. An LALR parser stops at its first error; to find the others,
-the broken statement is blanked out (positions stay) and the rest is parsed again. Bounds keep a
-hostile file from taking the machine: each has a name, and the message gives it.
+everything up to the end of the broken statement is blanked out (positions stay) and the rest is
+parsed again. Bounds keep a hostile file from taking the machine: each has a name, and the message
+gives it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from __future__ import annotations
 import difflib
 import functools
 import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from importlib.resources import files
 
 from lark import Lark, UnexpectedCharacters, UnexpectedInput, UnexpectedToken
@@ -17,10 +20,13 @@ from lark.lexer import PatternRE, PatternStr, TerminalDef
 
 from drillc.language.ast import SpecFile
 from drillc.language.build import Builder
-from drillc.language.diagnostics import Report
+from drillc.language.characters import is_strange, meant, said_character
+from drillc.language.diagnostics import Label, Report
 from drillc.language.source import Source
 from drillc.language.units import UNITS
 
+#: The version of the language that this drillc knows.
+VERSION = "1"
 #: Characters of a spec outside its points blocks.
 MAX_STRUCTURE_CHARACTERS = 512 * 1024
 #: Depth of brackets within brackets.
@@ -28,21 +34,39 @@ MAX_NESTING = 32
 #: Syntax errors reported for one file.
 MAX_SYNTAX_ERRORS = 20
 
-_BRACKETS = re.compile(r'#[^\n]*|"[^"\n]*"|[(){}]')
-# Possessive: a block that is not closed is given up at once, instead of after every way to cut it.
-_POINTS_BLOCK = re.compile(r"\bpoints\b\s*+(?:[\w/%]++\s*+)?\{(?:[^{}#]++|#[^\n]*+)*+\}")
-_STATEMENT_START = re.compile(
-    r"^[ \t]*(?:program|use|part|tool|robot|fixture|io|process|holes|region|skip|sequence|expect|emit)"
-    r"(?![A-Za-z0-9_])",
-    re.MULTILINE,
+_VERSION = re.compile(r"(?:[ \t\n]++|#[^\n]*+)*+(drill\b)?[ \t]*([^\s#]*)")
+#: Comments, texts (also unclosed ones), words and brackets: all that the file's structure is made of.
+_TOKEN = re.compile(r'#[^\n]*+|"[^"\n]*+"?|[A-Za-z_][A-Za-z0-9_]*+|[(){}]')
+_POINTS = re.compile(r"\{(?:[^{}#]++|#[^\n]*+)*+\}")
+_STATEMENTS = frozenset(
+    "program use part tool robot fixture io process holes region skip sequence expect emit".split()
 )
-_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_/]*|[^\s]")
+#: `process NAME {` begins a statement; `process NAME` is an item of a region.
+_PROCESS_STATEMENT = re.compile(r"process[ \t]++\w++\s*+\{")
+
+#: What a message calls the thing that is in the way: a word with its unit-like slashes, a number,
+#: a text, or one character.
+_WORD = re.compile(r'[^\W\d]\w*+(?:/\w++)?+|[+-]?[0-9][0-9.]*+|"[^"\n]*+"|\S')
 
 #: Words of the language's design that this version does not know yet, said so by name.
 _NOT_YET = frozenset(
     "align avoid turning mesh surface model base best_fit nominal measured stations".split()
 )
-
+#: What people write for a unit that the language calls otherwise.
+_ALSO_UNITS = {
+    "in": "inch",
+    "inches": "inch",
+    "millimeter": "mm",
+    "millimetre": "mm",
+    "meter": "m",
+    "metre": "m",
+    "degree": "deg",
+    "degrees": "deg",
+    "sec": "s",
+    "mm/sec": "mm/s",
+    "mm/U": "mm/rev",
+    "ipm": "m/min",
+}
 _SAID_TERMINALS = {
     "NAME": "a name",
     "HOLE_ID": "a hole id",
@@ -59,22 +83,24 @@ _SAID_TERMINALS = {
 
 def parse(source: Source, report: Report) -> SpecFile | None:
     """Parse one file; on any syntax error report them all and return None."""
-    if not _within_bounds(source, report):
+    version = _VERSION.match(source.text)
+    if version is None or not _known_version(source, version, report):
         return None
-    parser = _parser()
-    text, found = source.text, 0
+    structure = _within_bounds(source, report)
+    if structure is None:
+        return None
+    text, parsed_to, found = source.text, version.end(), 0
     while True:
         try:
-            tree = parser.parse(text)
+            tree = _parser().parse(text)
         except UnexpectedInput as error:
             found += 1
-            at = _report_syntax(source, text, error, report)
-            if found == MAX_SYNTAX_ERRORS:
+            at = _report_syntax(source, structure, error, report)
+            resume = next((s for s in structure.starts if s >= at and s > parsed_to), None)
+            if resume is None or found == MAX_SYNTAX_ERRORS:
                 return None
-            blanked = _blank_statement(text, at)
-            if blanked is None:
-                return None
-            text = blanked
+            text = text[:parsed_to] + " " * (resume - parsed_to) + text[resume:]
+            parsed_to = resume
             continue
         return None if found else Builder(source).spec(tree)
 
@@ -93,9 +119,64 @@ def _whole_words(terminal: TerminalDef) -> None:
         terminal.priority = 4
 
 
-def _within_bounds(source: Source, report: Report) -> bool:
+def _known_version(source: Source, version: re.Match[str], report: Report) -> bool:
+    """Whether the file begins with `drill 1`: before anything else, since another version of the
+    language may well look like a heap of mistakes in this one."""
+    keyword, number = version.groups()
+    if keyword and number == VERSION:
+        return True
+    message = "the file does not begin with its language version"
+    if keyword and number:
+        message = f'language version "{number[:20]}" is not known; this drillc knows {VERSION}'
+    start = version.start(1) if keyword else version.start(2)
+    span = source.span(start, max(start + 1, version.end()))
+    report.error("E104", message, span, hint=f"begin the file with: drill {VERSION}")
+    return False
+
+
+# ── the file's structure, without parsing it ─────────────────────────────────────────────────────
+
+
+@dataclass(frozen=True)
+class _Structure:
+    """Where statements begin, and `unclosed`: the brace still open there, where there is one.
+
+    `open_at_end` is the innermost brace that is never closed; `blocks` are the points blocks.
+    """
+
+    starts: list[int]
+    unclosed: dict[int, int]
+    open_at_end: int | None
+
+
+def _within_bounds(source: Source, report: Report) -> _Structure | None:
+    """One walk over words and brackets: the structure, or None after reporting a bound."""
     text = source.text
-    bulk = sum(m.end() - m.start() for m in _POINTS_BLOCK.finditer(text))
+    open_: list[tuple[int, str]] = []
+    starts: list[int] = []
+    unclosed: dict[int, int] = {}
+    bulk = 0
+    for begin, token in _tokens(text):
+        if len(token) > 1 and token[0] == "{":
+            bulk += len(token)
+        elif token in "({":
+            open_.append((begin, token))
+            if len(open_) > MAX_NESTING:
+                report.error(
+                    "E103",
+                    f"brackets are nested {len(open_)} deep; the limit (MAX_NESTING) is "
+                    f"{MAX_NESTING}",
+                    source.span(begin, begin + 1),
+                )
+                return None
+        elif token in ")}":
+            if open_:
+                open_.pop()
+        elif _begins_statement(text, begin, token, bool(open_)):
+            if open_:
+                unclosed[begin] = next((at for at, what in reversed(open_) if what == "{"), -1)
+                open_.clear()
+            starts.append(begin)
     if len(text) - bulk > MAX_STRUCTURE_CHARACTERS:
         report.error(
             "E102",
@@ -104,107 +185,174 @@ def _within_bounds(source: Source, report: Report) -> bool:
             source.span(0, 1),
             hint="put the holes into points blocks or a CSV table",
         )
+        return None
+    braces = [at for at, what in open_ if what == "{"]
+    return _Structure(starts, unclosed, braces[-1] if braces else None)
+
+
+def _tokens(text: str) -> Iterator[tuple[int, str]]:
+    """Offset and text of every word and bracket outside comments and texts; a whole points block is
+    one token."""
+    at, since_points = 0, 9
+    while match := _TOKEN.search(text, at):
+        token, begin = match[0], match.start()
+        at = match.end()
+        if token[0] in '#"':
+            continue
+        since_points = 0 if token == "points" else since_points + 1
+        # `points {`, or `points mm {`
+        if token == "{" and since_points <= 2 and (block := _POINTS.match(text, begin)):
+            token, at = block[0], block.end()
+        yield begin, token
+
+
+def _begins_statement(text: str, at: int, word: str, inside: bool) -> bool:
+    """Whether a statement begins here: a statement's word at the start of a line; indented only
+    outside every bracket, so that an unclosed block ends where the next line begins at its left."""
+    if word not in _STATEMENTS or (word == "process" and not _PROCESS_STATEMENT.match(text, at)):
         return False
-    depth = 0
-    for match in _BRACKETS.finditer(_POINTS_BLOCK.sub(_spaces, text)):
-        if match[0] in "({":
-            depth += 1
-            if depth > MAX_NESTING:
-                report.error(
-                    "E103",
-                    f"brackets are nested {depth} deep; the limit (MAX_NESTING) is {MAX_NESTING}",
-                    source.span(match.start(), match.end()),
-                )
-                return False
-        elif match[0] in ")}":
-            depth -= 1
-    return True
+    line = text.rfind("\n", 0, at) + 1
+    return at == line or (not inside and not text[line:at].strip(" \t"))
 
 
-def _spaces(match: re.Match[str]) -> str:
-    return " " * (match.end() - match.start())
+# ── saying what is wrong ─────────────────────────────────────────────────────────────────────────
 
 
-def _report_syntax(source: Source, text: str, error: UnexpectedInput, report: Report) -> int:
+def _report_syntax(
+    source: Source, structure: _Structure, error: UnexpectedInput, report: Report
+) -> int:
     """Report one syntax error and return its offset."""
-    at, expected = len(text), set[str]()
+    at, expected = len(source.text), set[str]()
     if isinstance(error, UnexpectedToken):
         expected = set(error.accepts or error.expected)
         if error.token.type != "$END" and error.token.start_pos is not None:
             at = error.token.start_pos
     elif isinstance(error, UnexpectedCharacters):
         at, expected = error.pos_in_stream or 0, set(error.allowed or ())
-    match = _WORD.match(text, at)
-    word = match[0] if match else ""
-    message, hint = _said_syntax(text, at, word, expected)
-    # At the end of the file the last thing written is what can be shown.
-    shown = at if word else max(0, len(text.rstrip()) - 1)
-    report.error("E101", message, source.span(shown, shown + max(1, len(word))), hint=hint)
+    if not (
+        _report_unclosed(source, structure, at, expected, report)
+        or _report_characters(source, at, expected, report)
+    ):
+        _report_word(source, at, expected, report)
     return at
 
 
-def _said_syntax(text: str, at: int, word: str, expected: set[str]) -> tuple[str, str | None]:
-    keywords = sorted(word for name in expected if (word := _keyword(name)) is not None)
-    kinds = [_SAID_TERMINALS[name] for name in _SAID_TERMINALS if name in expected]
-    signs = sorted(sign for name in expected if (sign := _sign(name)) is not None)
-    said = ", ".join([*kinds, *keywords, *signs]) or "something else"
-    before = text[:at].rstrip(" \t")
-    if word == "," and before[-1:].isdigit() and text[at + 1 : at + 2].isdigit():
-        return "a decimal comma; numbers are written with a point", 'write "1.5", not "1,5"'
+def _report_unclosed(
+    source: Source, structure: _Structure, at: int, expected: set[str], report: Report
+) -> bool:
+    """A block that is still open where the next statement or the end of the file stands."""
+    brace, end = None, "at the end of the file"
+    if "POINTS" in expected and source.text[at : at + 1] == "{":
+        brace, end = at, "before another brace, or the end of the file"
+    elif "RBRACE" in expected and at in structure.unclosed:
+        word = _TOKEN.match(source.text, at)
+        brace, end = structure.unclosed[at], f'before "{word[0] if word else ""}" begins'
+    elif "RBRACE" in expected and at == len(source.text):
+        brace = structure.open_at_end
+    if brace is None or brace < 0:
+        return False
+    labels = [Label(source.span(at, at + 1), "open until here")] if brace < at else []
+    if at == len(source.text):
+        labels = []
+    span = source.span(brace, brace + 1)
+    report.error("E105", f"this block is not closed {end}", span, labels=labels, hint="close it: }")
+    return True
+
+
+def _report_characters(source: Source, at: int, expected: set[str], report: Report) -> bool:
+    """Characters that cannot stand here whatever is meant: a comma in a number, a lonely quote, a
+    letter that is not ASCII."""
+    text = source.text
+    character, before, after = text[at : at + 1], text[:at][-1:], text[at + 1 : at + 2]
+    if character == "," and before.isdigit() and after.isdigit():
+        report.error(
+            "E106",
+            "a decimal comma; numbers are written with a point",
+            source.span(at, at + 1),
+            hint='write "1.5", not "1,5"',
+        )
+    elif character == '"' and '"' not in text[at + 1 :].partition("\n")[0]:
+        end = text.find("\n", at)
+        report.error(
+            "E108",
+            "this text has no closing quote on its line",
+            source.span(at, len(text) if end < 0 else end),
+        )
+    elif character and is_strange(character):
+        report.error(
+            "E110",
+            f"a character that the language does not know: {said_character(character)}",
+            source.span(at, at + 1),
+            hint=meant(character) or "names are made of the ASCII letters, digits and _",
+        )
+    else:
+        return False
+    return True
+
+
+def _report_word(source: Source, at: int, expected: set[str], report: Report) -> None:
+    match = _WORD.match(source.text, at)
+    word = match[0] if match else ""
+    keywords = sorted(_keywords()[name] for name in expected if name in _keywords())
     if not word:
-        return f"the file ends where {said} should stand", None
-    if word in _NOT_YET:
-        return f'"{word}" is not part of the language yet', f"expected {said}"
-    if word == '"':
-        return "this text has no closing quote on its line", None
-    if word == "{" and "POINTS" in expected:
-        return "this points block is not closed, or holds another brace", "close it with }"
-    if "UNIT" in expected and before[-1:].isdigit() and word[0].isalpha():
-        near = difflib.get_close_matches(word, UNITS, 1)
-        hint = f'did you mean "{near[0]}"?' if near else f"units are {', '.join(UNITS)}"
-        if not difflib.get_close_matches(word, keywords, 1):
-            return f'"{word}" is not a unit', hint
+        # At the end of the file the last thing written is what can be shown.
+        last = max(0, len(source.text.rstrip()) - 1)
+        report.error(
+            "E101",
+            f"the file ends where {_said(expected)} should stand",
+            source.span(last, last + 1),
+        )
+        return
+    span = source.span(at, at + len(word))
     near = difflib.get_close_matches(word, keywords, 1)
-    hint = f'did you mean "{near[0]}"?' if near else None
-    return f'"{word}" is not expected here; expected {said}', hint
+    if word in _NOT_YET:
+        report.error(
+            "E107",
+            f'"{word}" is not part of language version {VERSION}',
+            span,
+            hint=f"expected {_said(expected)}",
+        )
+    elif "UNIT" in expected and not near and (word[0].isalpha() or word == "%"):
+        report.error("E109", f'"{word}" is not a unit', span, hint=_near_unit(word))
+    else:
+        report.error(
+            "E101",
+            f'"{word[:40]}" is not expected here; expected {_said(expected)}',
+            span,
+            hint=f'did you mean "{near[0]}"?' if near else None,
+        )
 
 
-def _keyword(terminal: str) -> str | None:
-    """The word of a keyword terminal; None for other terminals."""
-    if terminal in _SAID_TERMINALS:
-        return None
-    word = _pattern(terminal).removesuffix("(?![A-Za-z0-9_])")
-    return word if word.isidentifier() else None
+def _near_unit(word: str) -> str:
+    folded = {unit.lower(): unit for unit in UNITS}
+    near = _ALSO_UNITS.get(word) or folded.get(word.lower())
+    if near is None:
+        near = next(iter(difflib.get_close_matches(word, UNITS, 1, 0.7)), None)
+    return f'did you mean "{near}"?' if near else f"units are {', '.join(UNITS)}"
 
 
-def _sign(terminal: str) -> str | None:
-    if terminal in _SAID_TERMINALS or _keyword(terminal):
-        return None
-    value = _pattern(terminal)
-    return f'"{value}"' if len(value) <= 2 else None
+def _said(terminals: Iterable[str]) -> str:
+    """Terminals in words: `a number, "(" or depth`."""
+    wanted = set(terminals)
+    kinds = [said for name, said in _SAID_TERMINALS.items() if name in wanted]
+    words = sorted(_keywords()[name] for name in wanted if name in _keywords())
+    signs = sorted(f'"{_signs()[name]}"' for name in wanted if name in _signs())
+    *most, last = [*kinds, *words, *signs] or ["something else"]
+    return f"{', '.join(most)} or {last}" if most else last
 
 
-def _pattern(terminal: str) -> str:
-    return next((str(t.pattern.value) for t in _parser().terminals if t.name == terminal), "")
+@functools.cache
+def _keywords() -> dict[str, str]:
+    """Terminal → the word that it matches, for the terminals that are one word."""
+    words = {t.name: t.pattern.value.removesuffix("(?![A-Za-z0-9_])") for t in _parser().terminals}
+    return {n: w for n, w in words.items() if w.isidentifier() and n not in _SAID_TERMINALS}
 
 
-def _blank_statement(text: str, at: int) -> str | None:
-    """`text` with the top-level statement around offset `at` turned to spaces, or None when there
-    is no statement to take out (then nothing more can be found)."""
-    starts = [m.start() for m in _STATEMENT_START.finditer(text) if _depth_zero(text, m.start())]
-    begin = max((s for s in starts if s <= at), default=None)
-    end = min((s for s in starts if s > at), default=len(text))
-    if begin is None or not text[begin:end].strip():
-        return None
-    blank = re.sub(r"[^\n]", " ", text[begin:end])
-    return text[:begin] + blank + text[end:]
-
-
-def _depth_zero(text: str, at: int) -> bool:
-    """Whether a statement can begin at `at`: at the line's start, or outside every brace."""
-    if at == 0 or not text[at : at + 1].isspace():
-        return True
-    depth = 0
-    for match in _BRACKETS.finditer(text, 0, at):
-        depth += {"{": 1, "}": -1}.get(match[0], 0)
-    return depth <= 0
+@functools.cache
+def _signs() -> dict[str, str]:
+    """Terminal → the sign that it matches, for brackets and the like."""
+    return {
+        t.name: t.pattern.value
+        for t in _parser().terminals
+        if isinstance(t.pattern, PatternStr) and t.name not in _keywords()
+    }

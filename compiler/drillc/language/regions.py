@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
@@ -13,7 +15,7 @@ from drillc.language.diagnostics import NAMED_ROWS, Label, Report
 from drillc.language.fields import Fields, lookup, measure, of_type, unit_vector
 from drillc.language.holes import check_normals, check_raw, check_table, gather
 from drillc.language.job import HoleTable, Part, PostureRule, Process, Region
-from drillc.language.loading import MAX_TABLE_BYTES, Loader
+from drillc.language.loading import TABLE_LIMIT, Loader
 from drillc.language.machine import named
 from drillc.language.operations import VISIT
 from drillc.language.points import RawHoles, read_points
@@ -63,7 +65,7 @@ def resolve_table(statement: Statement, loader: Loader, report: Report) -> Table
             "E204", f"a table's units are a length (mm, m), not {unit_word.text}", unit_word.span
         )
         return None
-    source = loader.read(path, MAX_TABLE_BYTES, path_text.span)
+    source = loader.read(path, TABLE_LIMIT, path_text.span)
     if source is None:
         return None
     spec = TableSpec(statement.name, delimiter, unit, columns, path_text)
@@ -112,31 +114,34 @@ def resolve_regions(
     """
     used: set[str] = set()
     all_fields = [Fields(_once_per_key(s), report) for s in statements]
-    masks = _masks(all_fields, statements, tables, used, report)
-    _check_cover(all_fields, skips, masks, tables, used, report)
+    selects = _selects(all_fields)
+    used.update(chosen.table.text for chosen in selects.values())
+    masks = _masks(selects, statements, tables, report)
+    skipped = _skipped(skips, selects, masks, statements, tables, used, report)
+    _check_cover(selects, masks, skipped, tables, report)
+    for table in tables.values():
+        _check_rows(table, selects, masks, part, report)
     parts: list[tuple[int, Source, RawHoles]] = []
     regions: list[Region] = []
     start = 0
     for index, (statement, fields) in enumerate(zip(statements, all_fields, strict=True)):
+        name, before = statement.name.text, len(report.diagnostics)
         pieces = _inline(statement, report)
-        chosen = fields.get("select")
-        if chosen is not None:
-            table = tables.get(of_type(chosen.values[0], Select).table.text)
-            mask = masks.get(statement.name.text)
-            if table is not None and mask is not None:
-                pieces.append((table.source, _rows(table.holes, mask)))
+        for source, raw in pieces:
+            check_raw(raw, source, report)
+            check_normals(raw, source, part.unit_tolerance, report)
+        if name in masks:
+            table = tables[selects[name].table.text]
+            pieces.append((table.source, _rows(table.holes, masks[name])))
         count = sum(len(raw.ids) for _, raw in pieces)
-        if count == 0 and not report.failed:
+        unread = len(report.diagnostics) > before or (name in selects and name not in masks)
+        if count == 0 and not unread:
             report.error(
                 "E330",
-                f"region {statement.name.text} has no holes",
+                f"region {name} has no holes",
                 statement.name.span,
                 hint="give it points, or widen its select",
             )
-        for source, raw in pieces:
-            if all(source is not table.source for table in tables.values()):
-                check_raw(raw, source, report)
-                check_normals(raw, source, part.unit_tolerance, report)
         parts += [(index, source, raw) for source, raw in pieces]
         regions.append(
             Region(
@@ -148,14 +153,10 @@ def resolve_regions(
             )
         )
         start += count
-    for table in tables.values():
-        check_raw(table.holes, table.source, report)
-        check_normals(table.holes, table.source, part.unit_tolerance, report)
     if not parts:
         return tuple(regions), None, used
     holes = gather(parts, part.normals_into)
-    if not report.failed:
-        check_table(holes, regions, report)
+    check_table(holes, regions, report)
     return tuple(regions), holes, used
 
 
@@ -238,96 +239,154 @@ def _no_z(axis: Word, report: Report) -> int:
 # ── which rows ───────────────────────────────────────────────────────────────────────────────────
 
 
+def _selects(all_fields: Sequence[Fields]) -> dict[str, Select]:
+    """What each region selects, of those that select."""
+    items = {fields.statement.name.text: fields.get("select") for fields in all_fields}
+    return {name: of_type(item.values[0], Select) for name, item in items.items() if item}
+
+
 def _masks(
-    all_fields: Sequence[Fields],
+    selects: Mapping[str, Select],
+    statements: Sequence[Statement],
+    tables: Mapping[str, Table],
+    report: Report,
+) -> dict[str, Mask]:
+    """The rows of its table that each selecting region takes; regions named in a condition come
+    first. A region whose rows cannot be known is left out, after reporting why."""
+    masks: dict[str, Mask] = {}
+    for chosen in selects.values():
+        lookup(chosen.table, tables, "hole table", report)
+    needs = {
+        name: [word.text for word in regions_named(chosen.condition) if word.text in selects]
+        for name, chosen in selects.items()
+    }
+    try:
+        order = list(TopologicalSorter(needs).static_order())
+    except CycleError as error:
+        _report_circle(error.args[1], selects, report)
+        return masks
+    names = {s.name.text: True for s in statements}
+    for name in order:
+        chosen = selects[name]
+        table = tables.get(chosen.table.text)
+        if table is not None:
+            before = len(report.diagnostics)
+            members = _members(chosen, selects, masks, names, report)
+            rows = select(chosen.condition, table.holes, members, report)
+            if len(report.diagnostics) == before:
+                masks[name] = rows
+    return masks
+
+
+def _members(
+    chosen: Select,
+    selects: Mapping[str, Select],
+    masks: Mapping[str, Mask],
+    names: Mapping[str, bool],
+    report: Report,
+) -> dict[str, Mask]:
+    """The rows of the regions that a condition names, which must select from the same table."""
+    members: dict[str, Mask] = {}
+    for word in regions_named(chosen.condition):
+        if lookup(word, names, "region", report) is None:
+            continue
+        other = selects.get(word.text)
+        if other is None or other.table.text != chosen.table.text:
+            report.error(
+                "E332",
+                f"region {word.text} takes no holes of table {chosen.table.text}",
+                word.span,
+                hint="name a region that selects from the same table",
+            )
+        elif word.text in masks:
+            members[word.text] = masks[word.text]
+    return members
+
+
+def _report_circle(circle: Sequence[str], selects: Mapping[str, Select], report: Report) -> None:
+    """`circle` names regions, each selected by way of the one before it; the first one twice."""
+    # Told from the region that is written first, so that the message does not depend on the walk.
+    ring = list(circle[:-1])
+    first = ring.index(min(ring, key=list(selects).index))
+    ring = ring[first:] + ring[:first]
+    places = []
+    for needed, name in zip(ring, ring[1:] + ring[:1], strict=True):
+        words = regions_named(selects[name].condition)
+        places.append(next(word for word in words if word.text == needed))
+    report.error(
+        "E331",
+        f"region {ring[0]} is selected by way of itself",
+        places[0].span,
+        labels=[Label(word.span, "by way of this") for word in places[1:]],
+        hint="decide one of these regions without the other",
+    )
+
+
+def _skipped(
+    skips: Sequence[Statement],
+    selects: Mapping[str, Select],
+    masks: Mapping[str, Mask],
     statements: Sequence[Statement],
     tables: Mapping[str, Table],
     used: set[str],
     report: Report,
-) -> dict[str, Mask]:
-    """The rows of its table that each selecting region takes, in an order that regions named in
-    conditions come first."""
-    selects: dict[str, Select] = {}
-    for statement, fields in zip(statements, all_fields, strict=True):
-        item = fields.get("select")
-        if item is not None:
-            selects[statement.name.text] = of_type(item.values[0], Select)
+) -> list[tuple[Statement, Select, Mask | None]]:
+    """The rows that each `skip` leaves out; None where its condition is wrong."""
     names = {s.name.text: True for s in statements}
-    masks: dict[str, Mask] = {}
-    open_: list[str] = []
-
-    def visit(name: str) -> None:
-        if name in masks or name not in selects:
-            return
-        chosen = selects[name]
-        used.add(chosen.table.text)
-        table = lookup(chosen.table, tables, "hole table", report)
-        open_.append(name)
-        members: dict[str, Mask] = {}
-        for word in regions_named(chosen.condition):
-            if lookup(word, names, "region", report) is None:
-                continue
-            if word.text in open_:
-                report.error(
-                    "E331",
-                    f"region {word.text} is selected by way of itself",
-                    word.span,
-                )
-                continue
-            visit(word.text)
-            other = selects.get(word.text)
-            if other is None or other.table.text != chosen.table.text:
-                report.error(
-                    "E332",
-                    f"region {word.text} takes no holes of table {chosen.table.text}",
-                    word.span,
-                )
-            elif word.text in masks:
-                members[word.text] = masks[word.text]
-        open_.pop()
-        if table is not None:
-            masks[name] = select(chosen.condition, table.holes, members, report)
-
-    for name in selects:
-        visit(name)
-    return masks
-
-
-def _check_cover(
-    all_fields: Sequence[Fields],
-    skips: Sequence[Statement],
-    masks: Mapping[str, Mask],
-    tables: Mapping[str, Table],
-    used: set[str],
-    report: Report,
-) -> None:
-    """Every hole of a table in one region, or left out on purpose; none in two."""
-    taken: dict[str, list[tuple[str, Span, Mask]]] = {name: [] for name in tables}
-    for fields in all_fields:
-        item = fields.get("select")
-        name = fields.statement.name.text
-        if item is not None and name in masks:
-            chosen = of_type(item.values[0], Select)
-            taken[chosen.table.text].append((f"region {name}", item.span, masks[name]))
+    skipped = []
     for statement in skips:
         chosen = of_type(statement.values[0], Select)
         table = lookup(chosen.table, tables, "hole table", report)
         if table is None:
             continue
         used.add(chosen.table.text)
-        members = {
-            w.text: masks[w.text] for w in regions_named(chosen.condition) if w.text in masks
-        }
-        names = {fields.statement.name.text: True for fields in all_fields}
-        for word in regions_named(chosen.condition):
-            lookup(word, names, "region", report)
+        before = len(report.diagnostics)
+        members = _members(chosen, selects, masks, names, report)
         rows = select(chosen.condition, table.holes, members, report)
-        taken[chosen.table.text].append(("skip", statement.span, rows))
-    if report.failed:
-        return
+        known = len(report.diagnostics) == before
+        skipped.append((statement, chosen, rows if known else None))
+    return skipped
+
+
+def _check_rows(
+    table: Table,
+    selects: Mapping[str, Select],
+    masks: Mapping[str, Mask],
+    part: Part,
+    report: Report,
+) -> None:
+    """Check the rows that regions take; what is left out on purpose may be anything."""
+    takers = [masks[name] for name in masks if selects[name].table.text == table.name.text]
+    holes = _rows(table.holes, reduce(np.logical_or, takers)) if takers else table.holes
+    check_raw(holes, table.source, report)
+    check_normals(holes, table.source, part.unit_tolerance, report)
+
+
+def _check_cover(
+    selects: Mapping[str, Select],
+    masks: Mapping[str, Mask],
+    skipped: Sequence[tuple[Statement, Select, Mask | None]],
+    tables: Mapping[str, Table],
+    report: Report,
+) -> None:
+    """Every hole of a table in one region, or left out on purpose; none in two.
+
+    Says nothing about a table while the rows of one of its regions are not known.
+    """
     for name, table in tables.items():
-        if name in used:
-            _check_table_cover(table, taken[name], report)
+        takers = [
+            (f"region {region}", chosen.span, masks.get(region))
+            for region, chosen in selects.items()
+            if chosen.table.text == name
+        ]
+        takers += [
+            ("a skip", statement.span, rows)
+            for statement, chosen, rows in skipped
+            if chosen.table.text == name
+        ]
+        taken = [(who, span, rows) for who, span, rows in takers if rows is not None]
+        if takers and len(taken) == len(takers):
+            _check_table_cover(table, taken, report)
 
 
 def _check_table_cover(
@@ -344,7 +403,7 @@ def _check_table_cover(
             f"hole {table.holes.ids[row]} is in {' and in '.join(name for name, _ in holders)}",
             _row_span(table, row),
             labels=[Label(span, f"taken by {name}") for name, span in holders],
-            hint=f"exclude one from the other: select {table.name.text} not in …",
+            hint=f"exclude one from the other: select {table.name.text} not in REGION",
         )
     if len(twice) > NAMED_ROWS:
         report.error(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import re
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,17 +27,20 @@ def select(
     members: dict[str, Mask],
     report: Report,
 ) -> Mask:
-    """The rows (n,) for which `condition` holds; `members` gives the rows of other regions."""
+    """The rows (n,) for which `condition` holds; `members` gives the rows of other regions.
+
+    A hole whose diameter or stack is not given fails every comparison of it except `!=`.
+    """
     everything = np.ones(len(table.ids), dtype=np.bool_)
     match condition:
         case None:
             return everything
         case ast.Not(inner):
             return ~select(inner, table, members, report)
-        case ast.Both(left, right):
-            return select(left, table, members, report) & select(right, table, members, report)
-        case ast.Either(left, right):
-            return select(left, table, members, report) | select(right, table, members, report)
+        case ast.Both(parts):
+            return reduce(np.logical_and, (select(p, table, members, report) for p in parts))
+        case ast.Either(parts):
+            return reduce(np.logical_or, (select(p, table, members, report) for p in parts))
         case ast.Member(region):
             return members.get(region.text, ~everything)
         case ast.Like(column, pattern):
@@ -48,7 +52,12 @@ def select(
             low = measure(bounds.low, "length", column.text, report)
             high = measure(bounds.high, "length", column.text, report)
             if low > high:
-                report.error("E224", f"this range of {column.text} is reversed", bounds.span)
+                report.error(
+                    "E224",
+                    f"this range of {column.text} is reversed: no {column.text} lies in it",
+                    bounds.span,
+                    hint="write the lower end first",
+                )
             if values is None:
                 return everything
             return np.asarray((values >= low) & (values <= high))
@@ -61,63 +70,67 @@ def regions_named(condition: ast.Condition | None) -> list[ast.Word]:
             return [region]
         case ast.Not(inner):
             return regions_named(inner)
-        case ast.Both(left, right) | ast.Either(left, right):
-            return regions_named(left) + regions_named(right)
+        case ast.Both(parts) | ast.Either(parts):
+            return [region for part in parts for region in regions_named(part)]
         case _:
             return []
 
 
 def _like(column: ast.Word, pattern: ast.Text, table: RawHoles, report: Report) -> Mask:
-    if not _known(column, report) or column.text != "id":
-        if column.text in _LENGTHS:
-            report.error(
-                "E241",
-                f"{column.text} is a length; `like` compares names",
-                column.span,
-                hint=f"{column.text} in 1 mm .. 2 mm; or id like {pattern.text!r}",
-            )
-        return np.ones(len(table.ids), dtype=np.bool_)
-    matches = re.compile(fnmatch.translate(pattern.text)).match
-    return np.fromiter(
-        (matches(name) is not None for name in table.ids.tolist()), np.bool_, len(table.ids)
-    )
+    if column.text in _LENGTHS:
+        report.error(
+            "E241",
+            f"{column.text} is a length; `like` compares names",
+            column.span,
+            hint=f'{column.text} in 1 mm .. 2 mm; or id like "{pattern.text}"',
+        )
+    elif _known(column, report):
+        matches = re.compile(fnmatch.translate(pattern.text)).match
+        return np.fromiter(
+            (matches(name) is not None for name in table.ids.tolist()), np.bool_, len(table.ids)
+        )
+    return np.ones(len(table.ids), dtype=np.bool_)
 
 
 def _compare(
     column: ast.Word, operator: str, value: ast.Quantity | ast.Text, table: RawHoles, report: Report
 ) -> Mask:
-    everything = np.ones(len(table.ids), dtype=np.bool_)
     if isinstance(value, ast.Text):
-        if not _known(column, report):
-            return everything
-        if column.text != "id" or operator not in {"==", "!="}:
-            report.error(
-                "E241",
-                f"{column.text} {operator} {value.text!r} does not compare like with like",
-                column.span,
-                hint='names are compared by: id == "F12", id != "F12", id like "F*"',
-            )
-            return everything
-        equal = table.ids == value.text
-        return np.asarray(equal if operator == "==" else ~equal)
+        return _compare_text(column, operator, value, table, report)
     values = _lengths(column, table, report)
     bound = measure(value, "length", column.text, report)
     if values is None:
-        return everything
-    with np.errstate(invalid="ignore"):
-        match operator:
-            case "<":
-                return np.asarray(values < bound)
-            case "<=":
-                return np.asarray(values <= bound)
-            case ">":
-                return np.asarray(values > bound)
-            case ">=":
-                return np.asarray(values >= bound)
-            case "==":
-                return np.asarray(values == bound)
-            case _:
-                return np.asarray(values != bound)
+        return np.ones(len(table.ids), dtype=np.bool_)
+    match operator:
+        case "<":
+            return np.asarray(values < bound)
+        case "<=":
+            return np.asarray(values <= bound)
+        case ">":
+            return np.asarray(values > bound)
+        case ">=":
+            return np.asarray(values >= bound)
+        case "==":
+            return np.asarray(values == bound)
+        case _:
+            return np.asarray(values != bound)
+
+
+def _compare_text(
+    column: ast.Word, operator: str, value: ast.Text, table: RawHoles, report: Report
+) -> Mask:
+    if column.text in _LENGTHS or (column.text == "id" and operator not in {"==", "!="}):
+        what = "is a length" if column.text in _LENGTHS else f"has no order for {operator}"
+        report.error(
+            "E241",
+            f'{column.text} {what}; it cannot be compared with "{value.text}"',
+            column.span,
+            hint='names are compared by: id == "F12", id != "F12", id like "F*"',
+        )
+    elif _known(column, report):
+        equal = table.ids == value.text
+        return np.asarray(equal if operator == "==" else ~equal)
+    return np.ones(len(table.ids), dtype=np.bool_)
 
 
 def _known(column: ast.Word, report: Report) -> bool:
@@ -140,7 +153,7 @@ def _lengths(column: ast.Word, table: RawHoles, report: Report) -> Floats | None
             return table.position_mm[:, "xyz".index(column.text)]
         case "diameter" | "stack":
             values = table.diameter_mm if column.text == "diameter" else table.stack_mm
-            if bool(np.isnan(values).all()):
+            if len(values) and np.isnan(values).all():
                 report.error(
                     "E242",
                     f"the table gives no {column.text}",

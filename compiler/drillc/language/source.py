@@ -1,4 +1,4 @@
-"""Source files and places in them. A place is kept as numbers; text is looked up only to draw it."""
+"""Source files and places in them. A place is numbers; text is looked up only to draw it."""
 
 from __future__ import annotations
 

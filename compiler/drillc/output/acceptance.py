@@ -190,7 +190,8 @@ def _check_distances(program: Program, accepts: Accepts, report: Report) -> None
                 hint="check the units; or place the part nearer to its origin",
             )
         if len(rows) > NAMED_ROWS:
-            report.error("E621", f"{len(rows) - NAMED_ROWS} more holes as far out")
+            more, span = len(rows) - NAMED_ROWS, program.holes.span(int(rows[NAMED_ROWS]))
+            report.error("E621", f"{more} more holes as far out, the first of them here", span)
 
 
 def _process_label(process: Process) -> list[Label]:

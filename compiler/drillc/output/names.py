@@ -194,7 +194,7 @@ def _all_printable(
         rows = [row for row, text in enumerate(ids) if not text or _UNPRINTABLE.search(text)]
         for row in rows[:NAMED_ROWS]:
             refuse("hole id", ids[row], program.holes.span(row))
-        _count_rest("E640", "hole ids with such characters", rows, report)
+        _count_rest("E640", "hole ids with such characters", rows, program, report)
     if not program.name or _UNPRINTABLE.search(program.name):
         refuse("program name", program.name, emit_span)
     for cycle in program.cycles:
@@ -237,23 +237,21 @@ def _check(
         return  # the common case, without a Python loop over the holes
 
     first: dict[str, int] = {}
-    equal: list[tuple[_Entry, _Entry]] = []
-    reserved: list[tuple[_Entry, str]] = []
+    doubled: list[int] = []
+    reserved: list[int] = []
     for row, fold in enumerate(folded):
-        other_row = first.setdefault(fold, row)
-        if other_row != row:
-            equal.append((_hole(program, holes, other_row), _hole(program, holes, row)))
-        elif fold in crossing:
-            if fold in seen:
-                equal.append((seen[fold], _hole(program, holes, row)))
-            if fold in taken:
-                reserved.append((_hole(program, holes, row), taken[fold]))
-    for one, two in equal[:NAMED_ROWS]:
-        _report_equal(one, two, report)
-    _count_rest("E641", "pairs of equal names", equal, report)
-    for entry, why in reserved[:NAMED_ROWS]:
-        _report_taken(entry, why, report)
-    _count_rest("E642", "holes with such names", reserved, report)
+        if first.setdefault(fold, row) != row or fold in seen:
+            doubled.append(row)
+        if fold in taken:
+            reserved.append(row)
+    for row in doubled[:NAMED_ROWS]:
+        other_row = first[folded[row]]
+        other = _hole(program, holes, other_row) if other_row != row else seen[folded[row]]
+        _report_equal(other, _hole(program, holes, row), report)
+    _count_rest("E641", "holes whose name another one has", doubled, program, report)
+    for row in reserved[:NAMED_ROWS]:
+        _report_taken(_hole(program, holes, row), taken[folded[row]], report)
+    _count_rest("E642", "holes with such names", reserved, program, report)
 
 
 def _hole(program: Program, holes: Sequence[str], row: int) -> _Entry:
@@ -283,6 +281,10 @@ def _report_taken(entry: _Entry, why: str, report: Report) -> None:
     )
 
 
-def _count_rest(code: str, what: str, found: Sequence[object], report: Report) -> None:
-    if len(found) > NAMED_ROWS:
-        report.error(code, f"{len(found) - NAMED_ROWS} more {what}")
+def _count_rest(
+    code: str, what: str, rows: Sequence[int], program: Program, report: Report
+) -> None:
+    """What was not named one by one is counted, and the first of it shown."""
+    if len(rows) > NAMED_ROWS:
+        span = program.holes.span(rows[NAMED_ROWS])
+        report.error(code, f"{len(rows) - NAMED_ROWS} more {what}, the first of them here", span)

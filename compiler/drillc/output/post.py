@@ -111,6 +111,9 @@ class PostProcessor(ABC):
     comment_forbidden: ClassVar[str] = ""
     #: Texts in comments are cut to this length.
     comment_length: ClassVar[int] = 80
+    #: A regular expression for the line with which a hole's turn comes; its group is the hole's
+    #: name or id as emitted. The conformance tests count holes by it.
+    hole_line: ClassVar[str] = ""
 
     def check(self, task: Task, report: Report) -> None:  # noqa: B027 — most posts need no more
         """Report, located, what this controller cannot express beyond `accepts`."""

@@ -238,6 +238,9 @@ def _heights(
             assert robot.height_mm is not None
             height, said = robot.height_mm, "this height"
     holes = job.holes
+    hint = "height widest_margin or height least_travel choose h for each hole"
+    if low.max() <= high.min():
+        hint += f"; any h in {_interval(low.max(), high.min())} serves all holes"
 
     def message(row: int) -> str:
         q6 = height + offs.lift_mm[row]
@@ -256,7 +259,7 @@ def _heights(
         "E406",
         message,
         report,
-        hint=lambda row: "height widest_margin, height least_travel, or a height that suits all",
+        hint=lambda row: hint,
         label=lambda row: Label(robot.height_span, "the rule"),
     )
     return np.full(len(holes), height)

@@ -1,0 +1,71 @@
+"""The Boreas controller, which does not exist: one small class and a folder of templates.
+
+Boreas takes poses (a position and a quaternion) and joints, has names of at most 16 characters in
+which case matters, and quotes texts.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from drillc.language.diagnostics import Report
+from drillc.output.names import NameRules
+from drillc.output.numbers import Column, Fixed
+from drillc.output.post import Accepts, Option, PostProcessor, Task
+from scipy.spatial.transform import Rotation
+
+AXES = tuple(f"J{i}" for i in range(1, 10))
+
+
+class BoreasPost(PostProcessor):
+    """One .bor file; with several modules, a main file that chains parts."""
+
+    name = "boreas"
+    title = "Boreas (invented, for drillc's own tests)"
+    accepts = Accepts(poses=True, joints=True, axes=AXES, inputs=range(1, 33), outputs=range(1, 33))
+    names = NameRules(
+        max_length=16,
+        case_sensitive=True,
+        keywords=frozenset({"program", "routine", "end", "point", "axes", "run", "chain"}),
+        reserved=frozenset({"here", "depth"}),
+    )
+    options = (Option("blend", "number", 0.0, "length", low=0.0, high=50.0),)
+    files: ClassVar[dict[str, str]] = {"{program}.bor": "templates/program.bor.j2"}
+    split_files: ClassVar[dict[str, str]] = {
+        "{program}.bor": "templates/main.bor.j2",
+        "{module}.bor": "templates/part.bor.j2",
+    }
+    holes_per_module = 500
+    newline = "\n"
+    template_package = "boreas_post"
+    comment_forbidden = '"\\'
+    hole_line = r"run \w+ at (\w+) .*"
+
+    def check(self, task: Task, report: Report) -> None:
+        if task.program.motion is None and task.program.tool is None:
+            report.error("E690", "boreas needs to know the tool", task.emit.post.span)
+
+    def columns(self, task: Task) -> dict[str, Column]:
+        motion = task.program.motion
+        if motion is None:
+            quaternions = Rotation.from_matrix(task.program.part_from_tool).as_quat()
+            columns: dict[str, Column] = {
+                letter: Fixed(task.program.holes.position_mm[:, i], 3)
+                for i, letter in enumerate("xyz")
+            }
+            columns |= {
+                f"q{letter}": Fixed(quaternions[:, i], 9) for i, letter in enumerate("xyzw")
+            }
+            return columns
+        columns = {"withdraw": Fixed(motion.withdraw_mm, 4)}
+        for i, axis in enumerate(motion.axes):
+            values = motion.joints[:, i]
+            columns[task.axes[i]] = Fixed(np.degrees(values) if axis.rotary else values, 5)
+        return columns
+
+    def context(self, task: Task) -> dict[str, object]:
+        motion = task.program.motion
+        if motion is None:
+            return {"joints": False}
+        return {"joints": True, "feed": task.axes[motion.feed_axis], "sign": motion.feed_sign}
