@@ -59,8 +59,9 @@ def wait_message(routine: str, signal: str, role: str, timeout_s: float) -> str:
     >>> wait_message("drill6", "$IN[14]", "clamped", 3.0)
     'drill6: no signal $IN[14] (clamped) within 3.000 s'
     """
-    full = f"{routine}: no signal {signal} ({role}) within {fixed(timeout_s, 3)} s"
     short = f"{routine}: no signal {signal}"
+    known_as = "" if signal == role else f" ({role})"
+    full = f"{short}{known_as} within {fixed(timeout_s, 3)} s"
     return full if len(full) <= MESSAGE_LENGTH else short[:MESSAGE_LENGTH]
 
 

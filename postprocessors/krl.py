@@ -140,8 +140,8 @@ class KrlPost(PostProcessor):
         joint_feed=False,
         spindle="signals",
         axes=tuple(f"A{i}" for i in range(1, 7)) + tuple(f"E{i}" for i in range(1, 7)),
-        inputs=range(1, 4097),
-        outputs=range(1, 4097),
+        inputs=range(1, 8193),
+        outputs=range(1, 8193),
         analogs=range(1, 33),
     )
     names = NameRules(max_length=24, keywords=KEYWORDS, reserved=RESERVED)
@@ -189,6 +189,8 @@ class KrlPost(PostProcessor):
                     span,
                     hint="give the part its base: part NAME { … frame 1 }",
                 )
+        else:
+            _warn_of_speeds(program, span, report)
         for what, number, place in _frame_numbers(program):
             if number not in FRAME_NUMBERS:
                 report.error(
@@ -244,6 +246,21 @@ def _frame_numbers(program: Program) -> Iterator[tuple[str, int, Span]]:
         yield "tool", program.tool.number, program.tool.name.span
     if program.frame is not None:
         yield "base", program.frame.number, program.frame.span
+
+
+def _warn_of_speeds(program: Program, emit_span: Span, report: Report) -> None:
+    """Speeds along the tool's axis are stated in mm/s, and an axis alone has none."""
+    for cycle in program.cycles:
+        process = cycle.process
+        report.warn(
+            "W624",
+            f"krl moves single axes at a share of their full speed, so process {process.name} does"
+            f" not keep its speeds (approach {process.approach_mm_s:g} mm/s, retract"
+            f" {process.retract_mm_s:g} mm/s, travel {process.travel_mm_s:g} mm/s)",
+            process.span or emit_span,
+            labels=[Label(emit_span, "emitted in joints")],
+            hint="choose the share: emit krl { velocity 10 % }; or emit for a controller that can",
+        )
 
 
 def _check_scales(program: Program, report: Report) -> None:

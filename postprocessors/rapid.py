@@ -185,6 +185,10 @@ class RapidPost(PostProcessor):
         joint_feed=True,
         spindle="signals",
         axes=ROBOT_AXES + EXTERNAL_AXES,
+        # signals have names here, so their numbers may be anything
+        inputs=range(1_000_000),
+        outputs=range(1_000_000),
+        analogs=range(1_000_000),
     )
     names = NameRules(max_length=32, keywords=KEYWORDS, reserved=RESERVED)
     options = (
@@ -413,6 +417,10 @@ def _own_names(task: Task) -> Iterator[_Own]:
         yield _Own(signal_name(signal), f"the signal {signal.role}", signal.span)
 
 
+def _settings_names(task: Task) -> list[str]:
+    return [task.settings[key] for key in ("tooldata", "wobjdata") if task.settings[key]]
+
+
 def _signals_used(program: Program) -> list[Signal]:
     roles: set[str] = set()
     for cycle in program.cycles:
@@ -440,6 +448,8 @@ def _check_names(task: Task, report: Report) -> None:
     found: dict[str, _Own] = {}
     for own in _own_names(task):
         fold = rules.fold(own.name)
+        if fold in ("tool0", "wobj0") and fold in map(rules.fold, _settings_names(task)):
+            continue
         wrong = ""
         if not _NAME.fullmatch(own.name):
             wrong = "a name has letters, digits and _, and begins with a letter"

@@ -36,7 +36,9 @@ class Barrel:
     station_mm: float
     axis_below_mm: float
 
-    def points(self, u_deg: NDArray[np.float64], theta_deg: NDArray[np.float64]) -> NDArray:
+    def points(
+        self, u_deg: NDArray[np.float64], theta_deg: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Positions (n, 3) in mm."""
         u, theta = np.radians(u_deg), np.radians(theta_deg)
         radius = self.crown_mm - self.meridian_mm * (1.0 - np.cos(u))
@@ -49,7 +51,9 @@ class Barrel:
             axis=1,
         )
 
-    def normals(self, u_deg: NDArray[np.float64], theta_deg: NDArray[np.float64]) -> NDArray:
+    def normals(
+        self, u_deg: NDArray[np.float64], theta_deg: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Outward unit normals (n, 3)."""
         u, theta = np.radians(u_deg), np.radians(theta_deg)
         return np.stack([np.sin(u), np.cos(u) * np.sin(theta), np.cos(u) * np.cos(theta)], axis=1)
@@ -168,7 +172,9 @@ def skin_csv() -> str:
     return "\n".join([*lines, ""])
 
 
-def _surface(barrel: Barrel, rows: Sequence[Fastener]) -> tuple[NDArray, NDArray]:
+def _surface(
+    barrel: Barrel, rows: Sequence[Fastener]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     u = np.array([row.u_deg for row in rows])
     theta = np.array([row.theta_deg for row in rows])
     return barrel.points(u, theta), barrel.normals(u, theta)

@@ -7,12 +7,13 @@ Exit codes: 0 fine, 1 the spec has errors, 2 usage, 3 the emitted program failed
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from drillc import __version__
 
@@ -31,12 +32,15 @@ MOST_SHOWN = 100
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     options = _parser().parse_args(arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # file names can hold anything
+    code = EXIT_FINE
     try:
-        return int(options.run(options))
+        code = int(options.run(options))
+        sys.stdout.flush()
     except BrokenPipeError:
         # The reader has gone (`drillc inspect … | head`): not an error, and nothing more to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return EXIT_FINE
+        _silence()
     except KeyboardInterrupt:
         print("drillc: interrupted; no output was touched", file=sys.stderr)
         return 130
@@ -45,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_ERRORS
     except Exception as error:
         return _bug(error)
+    return code
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -145,7 +150,7 @@ def _inspect(options: argparse.Namespace) -> int:
         planned = plan_spec(options.spec, options.root, report)
     except Refused:
         return _refused(report.diagnostics, options.json)
-    _say(report.diagnostics, options.json, sys.stderr)
+    _say(report.diagnostics, options.json, json_to=sys.stderr)
     write_inspection(planned, options.format, sys.stdout)
     return EXIT_FINE
 
@@ -184,14 +189,26 @@ def _progress_line() -> Iterator[Callable[[str], None]]:
 
 
 def _refused(diagnostics: Sequence[Diagnostic], as_json: bool) -> int:
-    _say(diagnostics, as_json)
-    if not as_json:
-        errors = sum(d.severity == "error" for d in diagnostics)
-        print(f"{errors} error{'s' * (errors != 1)}; nothing was written", file=sys.stderr)
+    """Say why; the exit code is that of a refused spec even when nobody reads it to the end."""
+    try:
+        _say(diagnostics, as_json)
+        if not as_json:
+            errors = sum(d.severity == "error" for d in diagnostics)
+            print(f"{errors} error{'s' * (errors != 1)}; nothing was written", file=sys.stderr)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _silence()
     return EXIT_ERRORS
 
 
-def _say(diagnostics: Sequence[Diagnostic], as_json: bool, json_to: object | None = None) -> None:
+def _silence() -> None:
+    """Send what is still buffered nowhere, so that Python does not fail on it when it exits."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.dup2(nowhere, sys.stderr.fileno())
+
+
+def _say(diagnostics: Sequence[Diagnostic], as_json: bool, json_to: TextIO | None = None) -> None:
     """Diagnostics to the error stream, or as one JSON array to the output stream."""
     from drillc.language.diagnostics import as_json as to_json
     from drillc.language.diagnostics import render
@@ -199,8 +216,7 @@ def _say(diagnostics: Sequence[Diagnostic], as_json: bool, json_to: object | Non
     if as_json:
         import json
 
-        stream = sys.stdout if json_to is None else sys.stderr
-        print(json.dumps([to_json(d) for d in diagnostics], indent=2), file=stream)
+        print(json.dumps([to_json(d) for d in diagnostics], indent=2), file=json_to or sys.stdout)
         return
     errors = [d for d in diagnostics if d.severity == "error"]
     shown = diagnostics if len(diagnostics) <= MOST_SHOWN else (errors or diagnostics)[:MOST_SHOWN]

@@ -39,14 +39,12 @@ class Planned:
     program: Program
 
 
-def plan_spec(
-    path: Path, root: Path | None, report: Report, progress: Progress = quiet
-) -> Planned:
+def plan_spec(path: Path, root: Path | None, report: Report, progress: Progress = quiet) -> Planned:
     """Run every pass up to the Program. Raises `Refused` at the end of the first stage with errors;
     warnings stay in `report`."""
     from drillc.language.loading import load
     from drillc.language.resolve import resolve
-    from drillc.planning.clearance import check_fixtures
+    from drillc.planning.clearance import check_fixtures, check_travel
     from drillc.planning.depths import plunge_depths
     from drillc.planning.expected import check_expectations
     from drillc.planning.plan import plan
@@ -77,6 +75,8 @@ def plan_spec(
     progress(f"checking {len(job.holes):,} holes")
     check_heading_jumps(job, part_from_tool, report)
     check_fixtures(job, part_from_tool, depth_mm, report)
+    if solution is None:
+        check_travel(job, part_from_tool, report)
     joints = None if solution is None else solution.motion.joints
     check_expectations(job, part_from_tool, joints, report)
     report.stop_if_failed()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TextIO
 
 import numpy as np
@@ -16,9 +16,9 @@ from drillc.output.numbers import fixed
 
 #: Rows turned to text at a time.
 BLOCK_ROWS = 8192
-#: Decimals by the unit a column's name ends in; quaternions and margins are plain numbers.
-_DECIMALS = {"mm": 6, "deg": 8}
-_PLAIN_DECIMALS = 12
+#: Decimals by the unit a column's name ends in; quaternions and margins have none.
+_EXACT = {"mm": 6, "deg": 8, "": 12}
+_READABLE = {"mm": 3, "deg": 3, "": 6}
 
 Column = tuple[str, Floats | np.ndarray]
 
@@ -55,17 +55,19 @@ def write_inspection(planned: Planned, form: str, out: TextIO) -> None:
     writers[form](found, out)
 
 
-def _rows(found: Sequence[Column]) -> Iterator[list[tuple[str, ...]]]:
+def _rows(
+    found: Sequence[Column], decimals: Mapping[str, int] = _EXACT
+) -> Iterator[list[tuple[str, ...]]]:
     count = len(found[0][1])
     for start in range(0, count, BLOCK_ROWS):
-        texts = [_texts(name, values[start : start + BLOCK_ROWS]) for name, values in found]
+        block = [(name, values[start : start + BLOCK_ROWS]) for name, values in found]
+        texts = [_texts(values, decimals[name.partition("_")[2]]) for name, values in block]
         yield list(zip(*texts, strict=True))
 
 
-def _texts(name: str, values: np.ndarray) -> list[str]:
+def _texts(values: np.ndarray, decimals: int) -> list[str]:
     if values.dtype.kind != "f":
         return [str(value) for value in values.tolist()]
-    decimals = _DECIMALS.get(name.rsplit("_", 1)[-1], _PLAIN_DECIMALS)
     return [fixed(value, decimals) for value in values.tolist()]
 
 
@@ -93,23 +95,16 @@ def _write_json(found: Sequence[Column], out: TextIO) -> None:
 
 
 def _write_table(found: Sequence[Column], out: TextIO) -> None:
+    """Aligned columns: the holes are gone through twice, first for the widths."""
     names = [name for name, _ in found]
-    left = {"id", "region"}
-    blocks = ([tuple(names)], *_rows(found))
-    rows = [row for block in blocks for row in block]
-    short = [tuple(_short(n, cell) for n, cell in zip(names, row, strict=True)) for row in rows]
-    widths = [max(len(row[i]) for row in short) for i in range(len(names))]
-    for row in short:
-        cells = (
-            cell.ljust(w) if n in left else cell.rjust(w)
-            for n, cell, w in zip(names, row, widths, strict=True)
-        )
-        out.write("  ".join(cells).rstrip() + "\n")
-
-
-def _short(name: str, cell: str) -> str:
-    """A table is for reading: three to six decimals are enough."""
-    if "." not in cell or name in {"id", "region"}:
-        return cell
-    keep = 3 if name.endswith(("_mm", "_deg")) else 6
-    return fixed(float(cell), keep)
+    widths = [len(name) for name in names]
+    for rows in _rows(found, _READABLE):
+        for i, column in enumerate(zip(*rows, strict=True)):
+            widths[i] = max(widths[i], *map(len, column))
+    for rows in ([tuple(names)], *_rows(found, _READABLE)):
+        for row in rows:
+            cells = (
+                cell.ljust(width) if name in {"id", "region"} else cell.rjust(width)
+                for name, cell, width in zip(names, row, widths, strict=True)
+            )
+            out.write("  ".join(cells).rstrip() + "\n")

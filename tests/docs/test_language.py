@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 import pkgutil
 import re
 from collections.abc import Iterator
@@ -12,109 +13,49 @@ from pathlib import Path
 
 import drillc
 import pytest
-from docs.fenced import Block, blocks, code, document
-from drillc.driver import Planned, check_spec
-from drillc.language.diagnostics import Refused, Report, render
-from drillc.language.machine import SIGNAL_ROLES
+from docs.examples import LANGUAGE, check_example, compiled, drill_examples
+from docs.fenced import Block, document
+from drillc.language.holes import SAME_POSITION_MM, SCALE_RATIO
+from drillc.language.loading import CELL_STATEMENTS, Limit
+from drillc.language.machine import DEFAULT_UNIT_TOLERANCE, SIGNAL_ROLES
+from drillc.language.operations import (
+    APPROACH_MM_S,
+    CLEARANCE_MM,
+    SMALLEST,
+    TRAVEL_MM_S,
+    VISIT_STANDOFF_MM,
+)
 from drillc.language.parser import _parser
+from drillc.language.regions import DEFAULT_CONE_RAD
+from drillc.language.tables import KEYS, REQUIRED
 from drillc.language.units import UNITS
 from drillc.output.emission import options_of
 from drillc.output.post import PostProcessor
+from drillc.planning.cycles import PECK_GAP_MM, SPINDLE_TIMEOUT_S
 
 TEXT = document("language.md")
-BLOCKS = blocks(TEXT)
-CODE = code(TEXT)
 GRAMMAR = files("drillc.grammars").joinpath("drill.lark").read_text(encoding="utf-8")
-EXAMPLES = [
-    block
-    for block in BLOCKS
-    if block.language == "drill" and block.file is None and "given" not in block.words
-]
-RUNNABLE = [block for block in EXAMPLES if not block.words.keys() & {"error"}]
+EXAMPLES = drill_examples("language.md")
+FINE = [block for block in EXAMPLES if "error" not in block.words]
 
-_STATEMENT = re.compile(r"^(?=[a-z]+\b)", re.MULTILINE)
 _KEYWORD = re.compile(r'"([A-Za-z_]+)"')
-
-
-# ── making a fragment whole ──────────────────────────────────────────────────────────────────────
-
-
-def statements(text: str) -> list[tuple[str, str]]:
-    """(kind, text) of each top-level statement: in the documents these begin a line."""
-    return [(part.split()[0], part) for part in _STATEMENT.split(text) if part.strip()]
-
-
-def whole(text: str) -> str:
-    """`text`, completed from the document's `given` block as the document says."""
-    if text.startswith("drill 1"):
-        return text
-    [given_block] = [block for block in BLOCKS if "given" in block.words]
-    given = dict(statements(given_block.text))
-    kinds = [kind for kind, _ in statements(text)]
-    wanted = [kind for kind in ("program", "part") if kind not in kinds]
-    if "emit" in kinds and not {"tool", "robot"} & set(kinds):
-        wanted.append("tool")
-    lacks_region = "region" not in kinds
-    if "holes" not in kinds and (lacks_region or re.search(r"\b(select|skip) skin\b", text)):
-        wanted.append("holes")
-    added = [given[kind] for kind in wanted]
-    if lacks_region:
-        added.append(_given_region(given["region"], text, kinds))
-    return "drill 1\n" + "".join(added) + text
-
-
-def _given_region(region: str, text: str, kinds: list[str]) -> str:
-    process = re.search(r"^process (\w+)", text, re.MULTILINE)
-    lines = region.splitlines(keepends=True)
-    if "robot" in kinds:
-        lines = [line for line in lines if "posture" not in line]
-    if process is None:
-        lines = [line for line in lines if "process" not in line]
-        return "".join(lines)
-    return "".join(lines).replace("EXAMPLE_PROCESS", process[1])
-
-
-def run(block: Block, folder: Path) -> tuple[Planned | None, Report]:
-    """Compile an example in a folder with the document's files; what it asks to emit is checked."""
-    for other in BLOCKS:
-        if other.file is not None:
-            path = folder / "spec" / other.file
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(other.text, encoding="utf-8")
-    spec = folder / "spec" / "example.drill"
-    spec.write_text(whole(block.text), encoding="utf-8")
-    report = Report()
-    try:
-        return check_spec(spec, report), report
-    except Refused:
-        return None, report
-
-
-def _place(block: Block) -> str:
-    return f"line {block.line}"
 
 
 # ── the examples ─────────────────────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize("block", EXAMPLES, ids=_place)
+@pytest.mark.parametrize("block", EXAMPLES, ids=lambda block: f"line {block.line}")
 def test_example(block: Block, tmp_path: Path) -> None:
-    planned, report = run(block, tmp_path)
-    said = "\n".join(map(render, report.diagnostics))
-    codes = {diagnostic.code for diagnostic in report.diagnostics}
-    if "error" in block.words:
-        assert planned is None, "this example should have been refused"
-        assert codes == {block.words["error"]}, said
-    else:
-        assert planned is not None, said
-        assert codes == {block.words[key] for key in block.words.keys() & {"warning"}}, said
+    check_example(block, tmp_path)
 
 
 def test_a_wrong_example_would_be_noticed(tmp_path: Path) -> None:
     wrong = Block("drill", {}, "tool ee { number 1   tcp (0, 0, 310) }\n", 0)
-    planned, report = run(wrong, tmp_path)
+    planned, report = compiled(wrong, tmp_path)
     assert planned is None
     assert [diagnostic.code for diagnostic in report.diagnostics] == ["E203"]
+    with pytest.raises(AssertionError):
+        check_example(wrong, tmp_path)
 
 
 # ── completeness ─────────────────────────────────────────────────────────────────────────────────
@@ -132,20 +73,20 @@ def grammar_rules() -> set[str]:
 
 def test_every_rule_of_the_grammar_has_an_example() -> None:
     used: set[str] = set()
-    for block in RUNNABLE:
-        tree = _parser().parse(whole(block.text))
+    for block in FINE:
+        tree = _parser().parse(LANGUAGE.whole(block.text))
         used.update(str(subtree.data) for subtree in tree.iter_subtrees())
     assert sorted(grammar_rules() - used) == []
 
 
 def test_every_keyword_has_an_example() -> None:
-    text = "\n".join(block.text for block in RUNNABLE)
+    text = "\n".join(block.text for block in FINE)
     words = sorted(set(_KEYWORD.findall(GRAMMAR)))
     assert [word for word in words if not _occurs(word, text)] == []
 
 
 def test_every_unit_has_an_example() -> None:
-    text = "\n".join(re.sub(r"#.*|\"[^\"]*\"", "", block.text) for block in RUNNABLE)
+    text = "\n".join(re.sub(r"#.*|\"[^\"]*\"", "", block.text) for block in FINE)
     table = TEXT[TEXT.index("## Units") : TEXT.index("## Frames")]
     assert [unit for unit in UNITS if f"`{unit}`" not in table] == []
     missing = [u for u in UNITS if not re.search(rf"(?<![\w/%]){re.escape(u)}(?![\w/])", text)]
@@ -192,6 +133,16 @@ def test_every_post_and_its_settings_are_described(entry: EntryPoint) -> None:
     assert settings.keys() == {option.name for option in options_of(post)}
 
 
+def test_the_numbers_of_signals_are_the_posts() -> None:
+    section = TEXT[TEXT.index("## emit") : TEXT.index("## What happens at a hole")]
+    rows = {r[0].strip("`"): r[4] for r in _table_rows(section) if r[1].startswith("in ")}
+    for entry in built_in_posts():
+        accepts = entry.load().accepts
+        if rows[entry.name] != "by name":
+            for numbers in (accepts.inputs, accepts.outputs, accepts.analogs):
+                assert f"{numbers[0]} … {numbers[-1]}" in rows[entry.name]
+
+
 def _table_rows(text: str) -> Iterator[list[str]]:
     for line in text.splitlines():
         if line.startswith("| ") and not line.startswith("|-"):
@@ -217,8 +168,11 @@ def limits() -> dict[str, int | float]:
     for module in pkgutil.walk_packages(drillc.__path__, "drillc."):
         if module.name == "drillc.__main__":
             continue
-        names = vars(importlib.import_module(module.name))
-        found.update({name: value for name, value in names.items() if name.startswith("MAX_")})
+        for name, value in vars(importlib.import_module(module.name)).items():
+            if isinstance(value, Limit):
+                found[value.name] = value.size
+            elif name.startswith("MAX_"):
+                found[name] = value
     return found
 
 
@@ -233,8 +187,34 @@ def test_every_limit_is_described() -> None:
         assert float(digits[0].replace(" ", "")) * factor == value, name
 
 
-def test_links_lead_somewhere() -> None:
-    headings = re.findall(r"^#+ (.+)$", TEXT, re.MULTILINE)
-    anchors = {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
-    for target in re.findall(r"\]\(#([^)]+)\)", TEXT):
-        assert target in anchors
+@pytest.mark.parametrize(
+    ("constant", "sentence"),
+    [
+        (DEFAULT_UNIT_TOLERANCE, "normal's length may be from 1 | {:g} |"),
+        (math.degrees(DEFAULT_CONE_RAD), "the rule is not applied | {:g} deg |"),
+        (CLEARANCE_MM, "| {:g} mm when drilling"),
+        (APPROACH_MM_S, "to the clearance | length must be given; {:g} mm/s |"),
+        (APPROACH_MM_S, "speed of withdrawing | length must be given; {:g} mm/s |"),
+        (TRAVEL_MM_S, "| the speed between holes | {:g} mm/s |"),
+        (SMALLEST, "of a process is at least {:g} in mm"),
+        (VISIT_STANDOFF_MM, "to the hole's position from {:g} mm, at"),
+        (APPROACH_MM_S, "at {:g} mm/s, and back"),
+        (SPINDLE_TIMEOUT_S, "awaited for at most {:g} s"),
+        (PECK_GAP_MM, "returns to {:g} mm before the last bottom"),
+        (SAME_POSITION_MM, "double (within {:g} mm)"),
+        (SCALE_RATIO, "a hole {:g} times farther"),
+    ],
+)
+def test_every_constant_is_the_codes(constant: float, sentence: str) -> None:
+    assert sentence.format(constant) in " ".join(TEXT.split())
+
+
+def test_what_a_cell_file_and_a_table_may_hold() -> None:
+    section = TEXT[TEXT.index("## use") : TEXT.index("## part")]
+    [sentence] = re.findall(r"and may hold\s+([^.]*), nothing else", section)
+    assert set(re.findall(r"`(\w+)`", sentence)) == CELL_STATEMENTS - {"version"}
+    section = TEXT[TEXT.index("## holes") : TEXT.index("## region")]
+    rows = [row for row in _table_rows(section) if len(row) == 3 and row[0].startswith("`")]
+    assert [key for row in rows for key in row[0].replace("`", "").split()] == list(KEYS)
+    needed = [key for row in rows if row[2] == "yes" for key in row[0].replace("`", "").split()]
+    assert needed == list(REQUIRED)

@@ -242,7 +242,12 @@ def pose_program(
     steps = np.arange(n, dtype=np.float64)
     row, column = np.divmod(steps, 500)
     position = np.stack(
-        [240.0 + 36.5 * column, 2379.0 - 43.25 * column, -542.0 + 0.125 * steps + 30.0 * row], 1
+        [
+            240.0 + 36.5 * column,
+            2379.0 - 43.25 * column,
+            -542.0 + 0.125 * (steps % 2000) + 30.0 * (row % 1000),
+        ],
+        1,
     )
     tool = Tool(
         named("ee90", 5),

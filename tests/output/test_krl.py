@@ -1,4 +1,4 @@
-"""KRL: what is emitted is read back by a reader of its own, run, and compared with the Program."""
+"""KRL: what is emitted is read back by a separate reader, run, and compared with the Program."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drillc.language.diagnostics import Report
+from drillc.language.job import Emit, Pose, WorkFrame
+from drillc.output.emission import PostError, emit_files
+from drillc.planning.program import Cycle, Program, WaitInput
+from drillc.postprocessors._robot import speed_text, wait_message
+from drillc.postprocessors.krl import KrlPost, signed_text
 from output.programs import (
     drill_cycle,
     emit_of,
@@ -40,12 +46,6 @@ from readers.events import (
 )
 from scipy.spatial.transform import Rotation
 
-from drillc.language.diagnostics import Report
-from drillc.language.job import Emit, Pose, WorkFrame
-from drillc.output.emission import PostError, emit_files
-from drillc.planning.program import Cycle, Program, WaitInput
-from drillc.postprocessors.krl import KrlPost, signed_text
-
 #: The portal's joints; q3 turns.
 AXES = {"q1": "A1", "q2": "A2", "q3": "A4", "q4": "E1", "q5": "E2", "q6": "A3"}
 
@@ -68,12 +68,10 @@ def errors(program: Program, emit: Emit | None = None) -> dict[str, str]:
 
 def by_role(program: Program, events: list[Event]) -> list[Event]:
     """Signals by their roles, analog values in mm-rad-s-N units again."""
-    numbers = {
-        (signal.kind, str(signal.number)): signal.role for signal in program.signals.values()
-    }
+    numbers = {f"{s.kind} {s.number}": s.role for s in program.signals.values()}
 
     def role(kind: str, shown: str) -> str:
-        return numbers[kind, shown[shown.index("[") + 1 : -1]]
+        return numbers[f"{kind} {shown[shown.index('[') + 1 : -1]}"]
 
     said: list[Event] = []
     for event in events:
@@ -179,9 +177,7 @@ def test_slow_feeds_keep_their_digits() -> None:
             replace(step, feed_mm_s=feed) if step.kind == "plunge" else step for step in cycle.steps
         )
         program = pose_program([("a", 0, 1)], [replace(cycle, steps=steps)])
-        compare(
-            by_role(program, run(program).events), expected(program, home=True), mm=MM, deg=DEG
-        )
+        compare(by_role(program, run(program).events), expected(program, home=True), mm=MM, deg=DEG)
 
 
 def test_tool_and_base_are_written_where_the_spec_states_them() -> None:
@@ -195,8 +191,10 @@ def test_tool_and_base_are_written_where_the_spec_states_them() -> None:
     found = run(replace(program, tool=tool, frame=frame))
     assert set(found.tool_data) == {3}
     assert set(found.base_data) == {7}
-    for data, pose in ((found.tool_data[3], tool.flange_from_tool), (found.base_data[7],
-                                                                      frame.world_from_part)):
+    for data, pose in (
+        (found.tool_data[3], tool.flange_from_tool),
+        (found.base_data[7], frame.world_from_part),
+    ):
         assert pose is not None
         read = krl.matrix(data)
         assert np.abs(read[:3, 3] - pose.translation_mm).max() < 0.0006
@@ -324,6 +322,14 @@ def test_a_rivet_that_is_not_set_ends_a_program_in_joints() -> None:
     compare(events, joint_wanted(program, home, {"set_done": 1}), mm=MM, deg=DEG)
 
 
+def test_speeds_that_axes_cannot_keep_are_said() -> None:
+    report = Report()
+    assert emit_files(KrlPost(), joint_rivet(2), emit_of("krl", AXES), report)
+    [warning] = report.diagnostics
+    assert warning.code == "W624"
+    assert "approach 80 mm/s, retract 120 mm/s, travel 300 mm/s" in warning.message
+
+
 def test_a_drill_cannot_be_fed_by_a_joint() -> None:
     assert "E618" in errors(joint_drill(2), emit_of("krl", AXES))
 
@@ -401,9 +407,17 @@ def test_the_message_fits_and_names_process_and_signal() -> None:
     said = re.findall(r'MsgNotify\("([^"]*)","([^"]*)"\)', text)
     assert len(said) == 3
     assert all(len(message) <= 80 and len(module) <= 24 for message, module in said)
-    assert said[0][0] == (
-        "rivet_with_a_name_of_24_: no signal $IN[14] (clamped) within 3.000 s"
+    assert said[0][0] == ("rivet_with_a_name_of_24_: no signal $IN[14] (clamped) within 3.000 s")
+
+
+def test_texts_of_both_robot_languages() -> None:
+    assert wait_message("drill6", "clamped", "clamped", 3.0) == (
+        "drill6: no signal clamped within 3.000 s"
     )
+    long = wait_message("r" * 32, "s" * 40, "clamped", 3.0)
+    assert long == f"{'r' * 32}: no signal {'s' * 36}"
+    values = (0.25, 0.005, 0.0041666666, 250.0, 1e-7)
+    assert [speed_text(v) for v in values] == ["0.250", "0.005", "0.004167", "250.000", "0.0000001"]
 
 
 def test_a_program_without_holes_is_still_a_program() -> None:
@@ -457,6 +471,15 @@ def test_a_fault_that_waits_is_a_bug_of_the_planner() -> None:
 # ── the reader can fail ──────────────────────────────────────────────────────────────────────────
 
 
+def judge(program: Program, text: Mapping[str, bytes]) -> None:
+    """Everything that this file asks of a text, at once."""
+    for dead in ({"spindle_running": 2}, {}):
+        found = krl.run(krl.load(text), program.name, World(numbered(program, dead)))
+        assert {e.frame for e in found.events if isinstance(e, Move) and e.frame} == {"2"}
+        wanted = expected(program, home=True, dead=dead)
+        compare(by_role(program, found.events), wanted, mm=MM, deg=DEG)
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -474,8 +497,11 @@ def test_a_fault_that_waits_is_a_bug_of_the_planner() -> None:
         ("WAIT SEC 0.500", "WAIT SEC 0.050"),
         ("WAIT SEC 0\r\n", ""),
         ("BOTTOM+3.000<DEPTH", "BOTTOM+3.000<=DEPTH+9"),
-        ("    LOOP\r\n      HALT ; for good: Start only halts again, so reset the program\r\n"
-         "    ENDLOOP\r\n", "    HALT\r\n"),
+        (
+            "    LOOP\r\n      HALT ; for good: Start only halts again, so reset the program\r\n"
+            "    ENDLOOP\r\n",
+            "    HALT\r\n",
+        ),
         ("OR $TIMER_FLAG[16]", ""),
         ("A 20.0000", "A 20.0020"),
         ("Z -542.000", "Z -542.002"),
@@ -487,17 +513,12 @@ def test_a_fault_that_waits_is_a_bug_of_the_planner() -> None:
 def test_a_changed_text_is_noticed(old: str, new: str) -> None:
     """Each change of the emitted text is one that could hurt; the oracle must see every one."""
     program = mixed(counts=(2, 1, 2))
+    judge(program, files(program))
     made = {path: raw.decode() for path, raw in files(program).items()}
     changed = {path: text.replace(old, new).encode() for path, text in made.items()}
     assert changed != {path: text.encode() for path, text in made.items()}
-    wanted = expected(program, home=True, dead={"spindle_running": 2})
     with pytest.raises((ReadError, AssertionError)):
-        world = World(numbered(program, {"spindle_running": 2}))
-        found = krl.run(krl.load(changed), program.name, world)
-        assert {e.frame for e in found.events if isinstance(e, Move) and e.frame} == {"2"}
-        compare(by_role(program, found.events), wanted, mm=MM, deg=DEG)
-        found = krl.run(krl.load(changed), program.name, World())
-        compare(by_role(program, found.events), expected(program, home=True), mm=MM, deg=DEG)
+        judge(program, changed)
 
 
 def test_names_of_the_post_are_no_words_of_the_language() -> None:

@@ -172,6 +172,16 @@ def test_only_routines_in_use_are_listed() -> None:
     assert [line.split()[1] for line in text.splitlines() if "routine" in line] == ["rivet"]
 
 
+def test_regions_without_holes_leave_no_trace() -> None:
+    sections = [("a", 0, 2), ("empty", 1, 0), ("b", 0, 1), ("none", 1, 0)]
+    files = emitted(pose_program(sections, [drill_cycle(), rivet_cycle()]), holes_per_module=2.0)
+    text = "".join(files.values())
+    assert "empty" not in text
+    assert "none" not in text
+    assert "rivet" not in text
+    assert text.count("region ") == 2
+
+
 def test_no_holes_at_all() -> None:
     assert emitted(pose_drill(0)) == {"plain/PANEL_7L.txt": "PANEL_7L\n"}
 

@@ -8,7 +8,7 @@ as joints by axis, so that a test compares matrices and numbers, never texts.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -116,7 +116,7 @@ def pecks(depth: float, step: Plunge) -> Iterator[tuple[float, float]]:
     yield depth, step.feed_mm_s
 
 
-class TimedOut(Exception):
+class TimedOutError(Exception):
     """An expected wait ends the expected program."""
 
 
@@ -127,13 +127,11 @@ def expected(
     parts: Sequence[range] = (),
     home: bool,
     dead: Mapping[str, int] | None = None,
-    say: Callable[[str], str] = str,
 ) -> list[Event]:
-    """The events of a whole program, `parts` after one another; `dead` and `say` speak in roles.
+    """The events of a whole program, `parts` after one another; `dead` speaks in roles.
 
-    Without `home` a program in poses begins and ends wherever it is. Programs in joints are
-    expected from `joint_start` on: what is done before the first hole depends on where the machine
-    stands, so tests state that themselves.
+    Without `home` a program in poses begins and ends wherever it is. What a program in joints does
+    before its first hole and after its last depends on where the machine stands, so tests state it.
     """
     world = World(dead or {})
     events: list[Event] = []
@@ -149,7 +147,7 @@ def expected(
                         events.append(Move(False, there, speed=cycle.process.travel_mm_s))
                     _hole(program, row, section.cycle, axes, world, events)
             events += [Move(False)] if home else []
-    except TimedOut:
+    except TimedOutError:
         events.append(Stop())
     return events
 
@@ -207,7 +205,7 @@ def _hole(
         events.append(Await(role, timeout_s, False))
         do(cycle.fault)
         events.append(Message(f"{cycle.process.name} {role}"))
-        raise TimedOut
+        raise TimedOutError
 
     def do(steps: Sequence[Step]) -> None:
         for step in steps:

@@ -1,9 +1,9 @@
 """A mini KRL controller: reads .src and .dat as text, checks them, and runs them.
 
-It knows the words that drilling programs use and refuses all others, so a program that it runs holds
-nothing unread. It shares no code with the post; rotations are scipy's. What it checks beside running:
-line ends, ASCII, lengths, folds, declarations before statements, names declared once, components
-that have no value, signals and timers that the advance run would reach before the tool does.
+It knows the words that drilling programs use and refuses all others, so a program that it runs
+holds nothing unread. It shares no code with the post; rotations are scipy's. What it checks beside
+running: line ends, ASCII, lengths, folds, declarations before statements, names declared once,
+components that have no value, signals and timers that the advance run would reach before the tool.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
-
 from readers.events import (
     Analog,
     Await,
@@ -29,6 +27,7 @@ from readers.events import (
     Stop,
     World,
 )
+from scipy.spatial.transform import Rotation
 
 NAME_LENGTH, STRING_LENGTH, LINE_LENGTH = 24, 80, 470
 FRAME_PARTS = ("X", "Y", "Z", "A", "B", "C")
@@ -266,7 +265,7 @@ def _check_order(routine: Routine) -> None:
 # ── running ──────────────────────────────────────────────────────────────────────────────────────
 
 
-class _Halted(Exception):
+class _HaltedError(Exception):
     """HALT was reached again and again: the program does not go on."""
 
 
@@ -299,7 +298,7 @@ def run(
     machine = _Machine(controller, world or World(), dict(home or {}), starts)
     try:
         machine.call(main.upper(), [])
-    except _Halted:
+    except _HaltedError:
         machine.run.events.append(Stop())
     return machine.run
 
@@ -390,7 +389,7 @@ class _Machine:
             case ["HALT"]:
                 self.starts -= 1
                 if self.starts < 0:
-                    raise _Halted
+                    raise _HaltedError
             case ["WAIT", "SEC", *rest]:
                 seconds = self._number(rest)
                 self.ahead = False
@@ -572,8 +571,9 @@ class _Expression:
         left = self.sum()
         if sign := self.take("<", ">", "<=", ">=", "==", "<>"):
             right = self.sum()
-            table = {"<": left < right, ">": left > right, "<=": left <= right}
-            return table[sign] if sign in table else NotImplemented
+            if sign not in ("<", ">"):
+                raise ReadError(f"{sign}: not read")
+            return left < right if sign == "<" else left > right
         return left
 
     def sum(self) -> Any:

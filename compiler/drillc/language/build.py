@@ -183,14 +183,12 @@ class Builder:
     def condition(self, tree: Tree[Token]) -> ast.Condition:
         rule, children = str(tree.data), tree.children
         if rule in {"either", "both"}:
-            terms = tuple(self.condition(term) for term in _terms(tree))
+            terms = tuple(self.condition(_tree(term)) for term in children)
             return ast.Either(terms) if rule == "either" else ast.Both(terms)
         if rule == "negation":
-            inner, negated = tree, False
-            while inner.data == "negation":
-                inner, negated = _tree(inner.children[0]), not negated
-            built = self.condition(inner)
-            return ast.Not(built) if negated else built
+            *negations, inner = children
+            built = self.condition(_tree(inner))
+            return ast.Not(built) if len(negations) % 2 else built
         first = self.word(_token(children[0]))
         if rule == "member":
             return ast.Member(first)
@@ -224,15 +222,6 @@ _KEYS = {
     "sink_by": "by",
     "sink_diameter": "diameter",
 }
-
-
-def _terms(tree: Tree[Token]) -> list[Tree[Token]]:
-    """The terms of `a or b or …` in order; Lark nests them to the left, one deeper each."""
-    rule, terms = tree.data, []
-    while tree.data == rule:
-        terms.append(_tree(tree.children[1]))
-        tree = _tree(tree.children[0])
-    return [tree, *reversed(terms)]
 
 
 def _tree(node: Node) -> Tree[Token]:

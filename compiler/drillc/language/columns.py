@@ -19,9 +19,9 @@ from drillc.language.units import Unit, convert
 MAX_LENGTH_MM = 1e6
 
 _PLAIN = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_ODD = re.compile(r"[^0-9.\n+-]")
+_ODD = re.compile(r"[^0-9.+-]")
 _COMMA = re.compile(r"[+-]?\d+,\d+")
-_SHEET_ERROR = re.compile(r"#[A-Z/0!?]+[!?A]?")
+_SHEET_ERROR = re.compile(r"#\w[\w/]*[!?]?")
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE)
 
 
@@ -39,8 +39,7 @@ def numbers(texts: Sequence[str], unit: Unit | None, *, optional: bool = False) 
     Bad cells become NaN and are listed; with `optional`, an empty cell is NaN and fine.
     """
     plain = unit is None or unit.power == 0
-    joined = "\n".join(texts)
-    if not joined.isascii() or _ODD.search(joined):
+    if _ODD.search("".join(texts)):
         return _one_by_one(texts, unit, optional)
     try:
         if plain:
@@ -71,7 +70,7 @@ def _fault(text: str) -> tuple[str, str]:
     if _COMMA.fullmatch(text):
         return "E316", f'is "{text}", with a decimal comma; numbers are written with a point'
     if _SHEET_ERROR.fullmatch(text):
-        return "E317", f"is {text}, a spreadsheet's error value"
+        return "E317", f"is {text[:40]}, a spreadsheet's error value"
     if _NOT_FINITE.fullmatch(text):
         return "E318", f"is {text}, not a finite number"
     return "E315", f'is "{text[:40]}", not a number'

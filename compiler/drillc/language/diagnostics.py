@@ -2,8 +2,7 @@
 
 A `Diagnostic` is data; `render` draws it for a person and `as_json` for an editor. `Report`
 collects a stage's diagnostics so that all mistakes of a stage are said at once; `Refused` carries
-them out.
-The codes themselves, with cause and mend, are listed in docs/diagnostics.md.
+them out. The codes themselves, with cause and mend, are listed in docs/diagnostics.md.
 """
 
 from __future__ import annotations
@@ -87,7 +86,7 @@ class Report:
 
 
 def render(diagnostic: Diagnostic) -> str:
-    """Draw a diagnostic: `file:line:col: error E101: …`, the source line with a caret, labels, hint."""
+    """Draw a diagnostic: `file:line:col: error E101: …`, the line with a caret, labels, hint."""
     head = f"{diagnostic.severity} {diagnostic.code}: {printable(diagnostic.message)}"
     lines = [f"{_place(diagnostic.span)}: {head}" if diagnostic.span else head]
     if diagnostic.span:

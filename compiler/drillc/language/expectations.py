@@ -10,7 +10,7 @@ import numpy as np
 from drillc.kernels.rotations import matrix_from_euler, matrix_from_quaternion
 from drillc.language.ast import Item, Numbers, Quantity, Statement, Word
 from drillc.language.diagnostics import Report
-from drillc.language.fields import did_you_mean, lengths, measure, of_type, whole
+from drillc.language.fields import did_you_mean, in_unit, lengths, measure, of_type, whole
 from drillc.language.job import (
     Expect,
     ExpectCount,
@@ -89,21 +89,19 @@ def _of_hole(
             *numbers, within = item.values
             quaternion = np.array([float(of_type(n, Quantity).number) for n in numbers])
             tolerance = measure(within, "angle", "within", report, above=0)
-            if not abs(float(np.linalg.norm(quaternion)) - 1) < 1e-3:
+            length = math.hypot(*quaternion)
+            if not abs(length - 1) < 1e-3:
                 report.error(
                     "E251",
-                    f"this quaternion (w, x, y, z) has length {np.linalg.norm(quaternion):.6g}, "
-                    "not 1",
+                    f"this quaternion (w, x, y, z) has length {length:.6g}, not 1",
                     item.span,
+                    hint="divide each number by the length",
                 )
                 return None
             return ExpectRotation(row, matrix_from_quaternion(quaternion), tolerance, span)
         case "expect_at":
             triple, unit, within = item.values
-            name = unit.text if isinstance(unit, Word) else None
-            position = lengths(
-                Numbers(of_type(triple, Numbers).numbers, name, item.span), "at", report
-            )
+            position = lengths(in_unit(triple, unit), "the position", report)
             tolerance = measure(within, "length", "within", report, above=0)
             return ExpectPosition(row, position, tolerance, span)
         case _:
@@ -127,17 +125,22 @@ def _euler(sequence: Word, triple: Numbers, unit: object, report: Report) -> np.
         return None
     name = unit.text if isinstance(unit, Word) else None
     if name is None or UNITS[name].dimension != "angle":
-        wrong = "have no unit" if name is None else f"are in {name}"
+        wrong = "no unit" if name is None else f"{said(UNITS[name].dimension)}, {name}"
         report.error(
             "E203" if name is None else "E204",
-            f"these angles {wrong}; they are {said('angle')}",
+            f"Euler angles need {said('angle')} behind the parenthesis; there is {wrong}",
             triple.span,
             hint=f"({', '.join(triple.numbers)}) deg",
         )
         return None
     angles = np.array([convert(n, UNITS[name]) for n in triple.numbers])
     if not np.isfinite(angles).all() or float(np.abs(angles).max()) > 1e6:
-        report.error("E205", "these angles are beyond any turn", triple.span)
+        report.error(
+            "E205",
+            "these angles are beyond any turn (the limit is 1e+06 rad)",
+            triple.span,
+            hint="check the decimal point and the exponent",
+        )
         return None
     return matrix_from_euler(angles, letters)
 
@@ -161,6 +164,7 @@ def _joints(
             "E253",
             f"{len(values)} joints are given; robot {robot.name.text} has {len(robot.limits)}",
             item.span,
+            hint="(q1, q2, q3, q4, q5, q6), each with its unit",
         )
         return None
     joints = np.array(

@@ -134,8 +134,7 @@ def measure(
         )
         return math.nan
     if (above is not None and number <= above) or (least is not None and number < least):
-        bound = above if above is not None else least
-        need = "more than" if above is not None else "at least"
+        need, bound = ("at least", least or 0.0) if above is None else ("more than", above)
         in_unit = _base(dimension) if bound else quantity.unit
         report.error(
             "E206",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -9,15 +10,15 @@ from numpy.typing import NDArray
 
 from drillc.language.columns import MAX_LENGTH_MM
 from drillc.language.diagnostics import NAMED_ROWS, Label, Report
-from drillc.language.job import HoleTable, Region
+from drillc.language.job import Floats, HoleTable, Region
 from drillc.language.points import MAX_ID_LENGTH, RawHoles
-from drillc.language.source import Source, Span
+from drillc.language.source import Source
 
 #: Two holes nearer than this are one hole written twice.
 SAME_POSITION_MM = 1e-3
-#: A hole this many times nearer to (or farther from) the origin than its region's median looks like
-#: metres among millimetres (the factor would be 1000; the region itself has some extent).
-SCALE_RATIO = 300.0
+#: A hole this many times nearer to (or farther from) the origin than its region's median may be
+#: metres among millimetres: the factor would be 1000, but the region itself has some extent.
+SCALE_RATIO = 100.0
 
 Rows = NDArray[np.int64]
 
@@ -56,15 +57,21 @@ def check_normals(raw: RawHoles, source: Source, tolerance: float, report: Repor
     with np.errstate(invalid="ignore", over="ignore"):
         length = np.sqrt(np.einsum("ij,ij->i", raw.normal, raw.normal))
     finite = np.asarray(np.isfinite(raw.normal).all(axis=1))
-    zero = finite & (length == 0)
+    zero = np.asarray((raw.normal == 0).all(axis=1))
     off = finite & ~zero & ~(np.abs(length - 1) <= tolerance)
     where = _Where(raw, source, report)
     where.each(
         ~finite,
         "E318",
-        lambda i: f"the normal of hole {raw.ids[i]} is not finite: {_triple(raw, i)}",
+        lambda i: f"the normal of hole {raw.ids[i]} is not finite: {_triple(raw.normal[i])}",
+        lambda i: "a normal is three numbers",
     )
-    where.each(zero, "E320", lambda i: f"the normal of hole {raw.ids[i]} is zero")
+    where.each(
+        zero,
+        "E320",
+        lambda i: f"the normal of hole {raw.ids[i]} is zero, which is no direction",
+        lambda i: "take it from the part's surface",
+    )
     where.each(
         off,
         "E321",
@@ -72,8 +79,25 @@ def check_normals(raw: RawHoles, source: Source, tolerance: float, report: Repor
             f"the normal of hole {raw.ids[i]} has length {length[i]:.6g}; it must be 1 within "
             f"{tolerance:g}"
         ),
-        "normalise it, or widen the part's unit_tolerance",
+        lambda i: _mended(raw.normal[i], length[i]),
     )
+
+
+def _mended(normal: Floats, length: float) -> str:
+    """How to write a normal so that it is a unit vector."""
+    if not (1e-3 < length < 1e3):
+        return "a normal is a unit vector"
+    unit = f"write it as a unit vector: {_triple(np.round(normal / length, 7))}"
+    off = abs(length - 1)
+    if off > 0.05:
+        return unit
+    return f"{unit}; or widen the part's tolerance: unit_tolerance {_rounded_up(off):g}"
+
+
+def _rounded_up(value: float) -> float:
+    """To one digit: 0.0013 → 0.002."""
+    step = 10.0 ** math.floor(math.log10(value))
+    return math.ceil(value / step * (1 + 1e-9)) * step
 
 
 def check_raw(raw: RawHoles, source: Source, report: Report) -> None:
@@ -88,15 +112,25 @@ def check_raw(raw: RawHoles, source: Source, report: Report) -> None:
             f"({', '.join(f'{v:g}' for v in raw.position_mm[i])}) mm; the limit is "
             f"{MAX_LENGTH_MM:g} mm"
         ),
+        lambda i: "check the unit and the decimal point",
     )
     for name, values in (("diameter", raw.diameter_mm), ("stack", raw.stack_mm)):
-        bad = np.isfinite(values) & ~((values > 0) & (values <= MAX_LENGTH_MM))
         where.each(
-            bad,
+            values > MAX_LENGTH_MM,
+            "E205",
+            lambda i, name=name, values=values: (  # type: ignore[misc]
+                f"the {name} of hole {raw.ids[i]} is {values[i]:g} mm, beyond anything a machine "
+                f"can do (the limit is {MAX_LENGTH_MM:g} mm)"
+            ),
+            lambda i: "check the unit and the decimal point",
+        )
+        where.each(
+            values <= 0,
             "E206",
             lambda i, name=name, values=values: (  # type: ignore[misc]
-                f"the {name} of hole {raw.ids[i]} is {values[i]:g} mm; it must be more than 0"
+                f"the {name} of hole {raw.ids[i]} is {values[i]:g} mm; it must be more than 0 mm"
             ),
+            lambda i: "leave the cell empty where it is not known",
         )
     _check_ids(raw, where)
 
@@ -106,12 +140,16 @@ def _check_ids(raw: RawHoles, where: _Where) -> None:
     if ids.dtype.itemsize == 0 or not len(ids):
         return
     empty = np.char.str_len(ids) == 0
-    where.each(empty, "E322", lambda i: "this hole has no id")
+    where.each(empty, "E322", lambda i: "this hole has no id", lambda i: "give it one")
     long = np.char.str_len(ids) > MAX_ID_LENGTH
     where.each(
         long,
         "E323",
-        lambda i: f"this hole's id has {len(ids[i])} characters; the limit is {MAX_ID_LENGTH}",
+        lambda i: (
+            f"this hole's id has {len(ids[i])} characters; the limit (MAX_ID_LENGTH) is "
+            f"{MAX_ID_LENGTH}"
+        ),
+        lambda i: "shorten it",
     )
     codes = np.ascontiguousarray(ids).view(np.uint32).reshape(len(ids), -1)
     allowed = np.zeros(128, dtype=np.bool_)
@@ -126,12 +164,12 @@ def _check_ids(raw: RawHoles, where: _Where) -> None:
         (odd.any(axis=1) | bad_start) & ~empty & ~long,
         "E324",
         lambda i: f"{str(ids[i])!a} cannot be a hole's id",
-        "ids are ASCII letters, digits and _ . : / -, and begin with a letter, a digit or _",
+        lambda i: "ids are ASCII letters, digits and _ . : / -, beginning with none of . : / -",
     )
 
 
-def _triple(raw: RawHoles, row: int) -> str:
-    return f"({', '.join(f'{v:g}' for v in raw.normal[row])})"
+def _triple(values: Floats) -> str:
+    return f"({', '.join(f'{v:.9g}' for v in values + 0.0)})"
 
 
 class _Where:
@@ -145,20 +183,14 @@ class _Where:
         bad: NDArray[np.bool_],
         code: str,
         message: Callable[[int], str],
-        hint: str | None = None,
+        hint: Callable[[int], str],
     ) -> None:
         rows = np.flatnonzero(bad)
         for row in rows[:NAMED_ROWS].tolist():
-            span = Span(
-                self.source,
-                int(self.raw.line[row]),
-                int(self.raw.column[row]),
-                max(1, len(str(self.raw.ids[row]))),
-            )
-            self.report.error(code, message(row), span, hint=hint)
+            span = self.raw.span(row, self.source)
+            self.report.error(code, message(row), span, hint=hint(row))
         if len(rows) > NAMED_ROWS:
-            row = int(rows[NAMED_ROWS])
-            span = Span(self.source, int(self.raw.line[row]), int(self.raw.column[row]))
+            span = self.raw.span(int(rows[NAMED_ROWS]), self.source)
             self.report.error(code, f"and {len(rows) - NAMED_ROWS:,} more like this", span)
 
 
@@ -189,7 +221,10 @@ def report_holes(
 
 
 def check_table(holes: HoleTable, regions: Sequence[Region], report: Report) -> None:
-    """Duplicate ids, duplicate positions, and holes that look a thousand times off."""
+    """Duplicate ids, duplicate positions, and holes that look a thousand times off.
+
+    A row that two regions take is one hole, and has been reported as such.
+    """
     _check_duplicate_ids(holes, report)
     _check_duplicate_positions(holes, report)
     _check_scale(holes, regions, report)
@@ -198,7 +233,8 @@ def check_table(holes: HoleTable, regions: Sequence[Region], report: Report) -> 
 def _check_duplicate_ids(holes: HoleTable, report: Report) -> None:
     order = np.argsort(holes.ids, kind="stable")
     ids = holes.ids[order]
-    again = np.flatnonzero(ids[1:] == ids[:-1]) + 1
+    again = (ids[1:] == ids[:-1]) & (ids[1:] != "")  # a hole without an id has been reported
+    again = np.flatnonzero(again & ~_same_row(holes, order[1:], order[:-1])) + 1
     first = np.maximum.accumulate(
         np.where(np.concatenate([[True], ids[1:] != ids[:-1]]), np.arange(len(ids)), 0)
     )
@@ -209,14 +245,23 @@ def _check_duplicate_ids(holes: HoleTable, report: Report) -> None:
         "E325",
         lambda row: f"there are two holes called {holes.ids[row]}",
         report,
+        hint=lambda row: "rename or remove one of them",
         label=lambda row: Label(holes.span(earlier[row]), "the first one"),
     )
+
+
+def _same_row(holes: HoleTable, some: Rows, others: Rows) -> NDArray[np.bool_]:
+    """Whether the holes `some` and `others`, both (k,), are written at the same place."""
+    same = holes.line[some] == holes.line[others]
+    same &= holes.column[some] == holes.column[others]
+    return np.asarray(same & (holes.source[some] == holes.source[others]))
 
 
 def _check_duplicate_positions(holes: HoleTable, report: Report) -> None:
     cell = np.rint(holes.position_mm / SAME_POSITION_MM)
     order = np.lexsort(cell.T)
     same = (cell[order[1:]] == cell[order[:-1]]).all(axis=1)
+    same &= ~_same_row(holes, order[1:], order[:-1])
     later, before = order[1:][same], order[:-1][same]  # a stable sort: before is the earlier row
     earlier = dict(zip(later.tolist(), before.tolist(), strict=True))
     report_holes(
@@ -228,20 +273,20 @@ def _check_duplicate_positions(holes: HoleTable, report: Report) -> None:
             f"(within {SAME_POSITION_MM:g} mm)"
         ),
         report,
+        hint=lambda row: "remove one of them, or correct its position",
         label=lambda row: Label(holes.span(earlier[row]), "the other one"),
     )
 
 
 def _check_scale(holes: HoleTable, regions: Sequence[Region], report: Report) -> None:
-    distance = np.sqrt(np.einsum("ij,ij->i", holes.position_mm, holes.position_mm))
+    with np.errstate(over="ignore"):
+        distance = np.sqrt(np.einsum("ij,ij->i", holes.position_mm, holes.position_mm))
     for region in regions:
         rows = slice(region.start, region.stop)
-        if region.stop - region.start < 3:
+        median = float(np.median(distance[rows])) if region.stop - region.start >= 3 else 0.0
+        if not 0 < median < math.inf:  # too few to tell, all at the origin, or refused already
             continue
         centre = np.median(holes.position_mm[rows], axis=0)
-        median = float(np.median(distance[rows]))
-        if not median > 0:
-            continue
         far = distance[rows] > SCALE_RATIO * median
         near = distance[rows] * SCALE_RATIO < median
         # Scaled back by 1000, a mistaken hole comes to lie among the others.
@@ -254,7 +299,12 @@ def _check_scale(holes: HoleTable, regions: Sequence[Region], report: Report) ->
             "W327",
             lambda row, median=median, name=region.name.text: (  # type: ignore[misc]
                 f"hole {holes.ids[row]} is {distance[row]:g} mm from the origin, and the median of "
-                f"region {name} is {median:g} mm: metres among millimetres?"
+                f"region {name} is {median:g} mm"
             ),
             report,
+            hint=lambda row, median=median: (  # type: ignore[misc]
+                "metres among millimetres? 1000 times as far it would lie among the others"
+                if distance[row] < median
+                else "millimetres among metres? 1000 times nearer it would lie among the others"
+            ),
         )

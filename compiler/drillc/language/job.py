@@ -58,7 +58,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Tool:
-    """`flange_from_tool` places the TCP; mass and centre of gravity only where a post needs them."""
+    """`flange_from_tool` places the TCP; mass and centre of gravity only if a post needs them."""
 
     name: Named
     number: int
@@ -91,7 +91,7 @@ HeightRule = Literal["centre", "widest_margin", "least_travel", "fixed"]
 
 @dataclass(frozen=True)
 class Limit:
-    """An inclusive range, in mm or radians, and where the spec says so (None: from the geometry)."""
+    """An inclusive range, in mm or radians; `span`: where it is written (None: from geometry)."""
 
     low: float
     high: float
@@ -305,8 +305,8 @@ Expect = ExpectRotation | ExpectPosition | ExpectJoints | ExpectCount
 
 @dataclass(frozen=True)
 class Setting:
-    """One `name value` of an `emit` block: a number in the base unit of `unit` (the unit as written,
-    or empty), a word or a text."""
+    """One `name value` of an `emit` block: a number in the base unit of `unit` (the unit as
+    written, or empty), a word or a text."""
 
     name: Named
     value: float | str

@@ -21,6 +21,7 @@ from drillc.language.diagnostics import Label, Report
 from drillc.language.fields import (
     Fields,
     did_you_mean,
+    in_unit,
     lengths,
     measure,
     of_type,
@@ -36,6 +37,7 @@ from drillc.language.job import (
     Named,
     Part,
     Portal,
+    Pose,
     Signal,
     Tool,
     WorkFrame,
@@ -58,6 +60,7 @@ SIGNAL_ROLES: dict[str, str] = {
     "set": "output",
     "set_done": "input",
 }
+_SAID_KIND = {"output": "output", "input": "input", "analog": "analog output"}
 #: What an analog signal's full scale is measured in.
 _FULL_SCALE: dict[str, Dimension] = {"spindle_speed": "spindle speed", "clamp_force": "force"}
 
@@ -117,17 +120,12 @@ def resolve_tool(statement: Statement, report: Report) -> Tool:
     fields = Fields(statement, report)
     number = fields.need("number", "number 1: the tool's number on the controller")
     tcp = fields.need("tcp", "tcp (x, y, z) mm: the tool centre point in flange coordinates")
+    nowhere = Pose(np.eye(3), np.full(3, np.nan))
     mass, cog = fields.get("mass"), fields.get("cog")
     return Tool(
         named(statement.name),
         1 if number is None else whole(number.values[0], "the tool's number", 1, 999, report),
-        pose(
-            of_type(tcp.values[0], Placement)
-            if tcp
-            else Placement(Numbers(("0", "0", "0"), "mm", statement.span), ()),
-            "tcp",
-            report,
-        ),
+        nowhere if tcp is None else pose(of_type(tcp.values[0], Placement), "tcp", report),
         None if mass is None else measure(mass.values[0], "mass", "mass", report, above=0),
         None if cog is None else lengths(of_type(cog.values[0], Numbers), "cog", report),
     )
@@ -138,15 +136,18 @@ def resolve_fixture(statement: Statement, report: Report) -> Fixture:
     boxes = []
     for item in statement.items:
         first, second, unit = item.values
-        name = unit.text if isinstance(unit, Word) else None
-        corners = [
-            lengths(Numbers(of_type(corner, Numbers).numbers, name, item.span), "the box", report)
-            for corner in (first, second)
-        ]
-        low, high = np.minimum(*corners), np.maximum(*corners)
+        corner = lengths(in_unit(first, unit), "the box's corner", report)
+        # The unit stands behind both corners: that it is missing or wrong is said once.
+        known = isinstance(unit, Word) and UNITS[unit.text].dimension == "length"
+        other = lengths(in_unit(second, unit), "the box's corner", report) if known else corner
+        low, high = np.minimum(corner, other), np.maximum(corner, other)
         if np.any(high - low <= 0):
+            axes = " and ".join(a for a, w in zip("xyz", high - low, strict=True) if w <= 0)
             report.error(
-                "E222", "this box has no volume: two corners share a coordinate", item.span
+                "E222",
+                f"this box has no volume: its corners share {axes}",
+                item.span,
+                hint="give two opposite corners",
             )
         boxes.append(Box(low, high, item.span))
     if not boxes:
@@ -191,8 +192,9 @@ def _signal(item: Item, report: Report) -> Signal:
     if kind_word.text != SIGNAL_ROLES[role]:
         report.error(
             "E212",
-            f"{role} is an {SIGNAL_ROLES[role]}, not an {kind_word.text}",
+            f"{role} is an {_SAID_KIND[SIGNAL_ROLES[role]]}, not an {_SAID_KIND[kind_word.text]}",
             kind_word.span,
+            hint=f"{role} {SIGNAL_ROLES[role]} 1",
         )
     scale = None
     if role in _FULL_SCALE:
@@ -201,18 +203,23 @@ def _signal(item: Item, report: Report) -> Signal:
                 "E213",
                 f"{role} does not say what its full value stands for",
                 item.key.span,
-                hint=f"add: full 6000 rpm" if role == "spindle_speed" else "add: full 2000 N",
+                hint="add: full 6000 rpm" if role == "spindle_speed" else "add: full 2000 N",
             )
         else:
             scale = measure(full, _FULL_SCALE[role], f"{role}'s full scale", report, above=0)
     elif full is not None:
-        report.error("E213", f"{role} is on or off; it has no full scale", item.key.span)
+        report.error(
+            "E213",
+            f"{role} is on or off; it has no full value",
+            of_type(full, Quantity).span,
+            hint="remove it",
+        )
     name = alias.text if isinstance(alias, Text) else None
     if name is not None and not (name.isascii() and name.isidentifier() and len(name) <= 32):
         report.error(
             "E214",
             f'"{name[:40]}" cannot be a signal\'s name on a controller',
-            item.span,
+            of_type(alias, Text).span,
             hint="letters, digits and _, not beginning with a digit, at most 32 characters",
         )
         name = None
@@ -245,6 +252,7 @@ def resolve_portal(statement: Statement, report: Report) -> Portal:
             "E223",
             f"d is {inset:g} mm: twice that is not less than D, {distance:g} mm, so no bar is left",
             item.span if item else statement.span,
+            hint="d is the small distance from a column to the hinge beside it",
         )
     rule, height_mm = _height(fields, report)
     side_item = fields.need("side", "side below: the tool rises to the plate; or side above")
@@ -285,7 +293,7 @@ def _height(fields: Fields, report: Report) -> tuple[HeightRule, float | None]:
 def _limits(
     fields: Fields, distance: float, height: float, report: Report
 ) -> tuple[tuple[Limit, ...], Limit | None]:
-    """Limits of q1…q6, and of α where given. q1, q2, q6 lie in 0…H and q4 in 0…D unless narrowed."""
+    """Limits of q1…q6, and of α if given. q1, q2, q6 lie in 0…H and q4 in 0…D unless narrowed."""
     given: dict[str, Limit] = {}
     item = fields.get("limits")
     for entry in item.items if item else ():
@@ -317,6 +325,7 @@ def _limits(
                 f"the limits of {name} are reversed or equal: {_written(bounds.low)} .. "
                 f"{_written(bounds.high)}",
                 bounds.span,
+                hint="write the lower end first",
             )
         given[name] = Limit(low, high, entry.span)
     for name, example in (("q3", "q3 -180 deg .. 180 deg"), ("q5", "q5 -3 m .. 3 m")):
@@ -336,6 +345,7 @@ def _limits(
                 "E225",
                 f"the limits of {name} leave the machine: it slides in 0 .. {top:g} mm",
                 limit.span,
+                hint="narrow the limits, or correct " + ("D" if name == "q4" else "H"),
             )
     nothing = Limit(-math.inf, math.inf, None)
     joints = tuple(
@@ -358,7 +368,12 @@ def _speeds(fields: Fields, report: Report) -> tuple[float | None, ...]:
                 hint=did_you_mean(name, PORTAL_JOINTS),
             )
         elif name in speeds:
-            report.error("E201", f'the speed of "{name}" is given twice', entry.key.span)
+            report.error(
+                "E201",
+                f'the speed of "{name}" is given twice',
+                entry.key.span,
+                hint="remove one of them",
+            )
         else:
             dimension: Dimension = "turning speed" if name == "q3" else "speed"
             speeds[name] = measure(entry.values[0], dimension, f"{name}'s speed", report, above=0)
@@ -367,8 +382,9 @@ def _speeds(fields: Fields, report: Report) -> tuple[float | None, ...]:
     if item is not None and 0 < len(missing) < len(travelling):
         report.error(
             "E226",
-            f"the speeds of {' and '.join(n for n in travelling if n in speeds)} are given, but not "
-            f"of {' and '.join(missing)}; height least_travel weighs the three against each other",
+            f"the speeds of {' and '.join(n for n in travelling if n in speeds)} are given, but "
+            f"not of {' and '.join(missing)}; height least_travel weighs the three against each "
+            "other",
             item.span,
             hint="give all three, or none: then they are taken as equal",
         )
@@ -381,5 +397,4 @@ def named(word: Word) -> Named:
 
 
 def _written(quantity: Quantity) -> str:
-    assert quantity.unit is None or quantity.unit in UNITS
     return f"{quantity.number} {quantity.unit or ''}".strip()

@@ -35,11 +35,12 @@ MAX_NESTING = 32
 MAX_SYNTAX_ERRORS = 20
 
 _VERSION = re.compile(r"(?:[ \t\n]++|#[^\n]*+)*+(drill\b)?[ \t]*([^\s#]*)")
-#: Comments, texts (also unclosed ones), words and brackets: all that the file's structure is made of.
+#: Comments, texts (also unclosed ones), words and brackets: what the file's structure is made of.
 _TOKEN = re.compile(r'#[^\n]*+|"[^"\n]*+"?|[A-Za-z_][A-Za-z0-9_]*+|[(){}]')
 _POINTS = re.compile(r"\{(?:[^{}#]++|#[^\n]*+)*+\}")
 _STATEMENTS = frozenset(
-    "program use part tool robot fixture io process holes region skip sequence expect emit".split()
+    {"program", "use", "part", "tool", "robot", "fixture", "io", "process", "holes", "region"}
+    | {"skip", "sequence", "expect", "emit"}
 )
 #: `process NAME {` begins a statement; `process NAME` is an item of a region.
 _PROCESS_STATEMENT = re.compile(r"process[ \t]++\w++\s*+\{")
@@ -50,7 +51,8 @@ _WORD = re.compile(r'[^\W\d]\w*+(?:/\w++)?+|[+-]?[0-9][0-9.]*+|"[^"\n]*+"|\S')
 
 #: Words of the language's design that this version does not know yet, said so by name.
 _NOT_YET = frozenset(
-    "align avoid turning mesh surface model base best_fit nominal measured stations".split()
+    {"align", "avoid", "turning", "mesh", "surface", "model", "base", "best_fit", "nominal"}
+    | {"measured", "stations"}
 )
 #: What people write for a unit that the language calls otherwise.
 _ALSO_UNITS = {

@@ -18,7 +18,6 @@ from drillc.language.expectations import resolve_expects
 from drillc.language.fields import Fields, measure, of_type
 from drillc.language.job import (
     Emit,
-    Fixture,
     HoleTable,
     Job,
     Named,
@@ -32,6 +31,7 @@ from drillc.language.job import (
 )
 from drillc.language.loading import Loaded, Loader
 from drillc.language.machine import (
+    DEFAULT_UNIT_TOLERANCE,
     named,
     resolve_fixture,
     resolve_part,
@@ -40,10 +40,12 @@ from drillc.language.machine import (
     resolve_tool,
 )
 from drillc.language.operations import VISIT, resolve_process
-from drillc.language.regions import Table, resolve_regions, resolve_table
+from drillc.language.regions import resolve_regions, resolve_table
+from drillc.language.source import Source
+from drillc.language.tables import Table
 from drillc.language.units import UNITS, convert
 
-T = TypeVar("T")
+T = TypeVar("T", Tool, Portal)
 
 
 def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
@@ -58,16 +60,16 @@ def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
 
     program = _single(statements("program"), "program", "program NAME", loaded, report)
     part_statement = _single(statements("part"), "part", "part NAME { … }", loaded, report)
-    part = resolve_part(part_statement, report) if part_statement else None
+    part = resolve_part(part_statement, report) if part_statement else _no_part(spec)
     tools = [resolve_tool(s, report) for s in _distinct(statements("tool"), report)]
     robots = [resolve_portal(s, report) for s in _distinct(statements("robot"), report)]
     fixtures = [resolve_fixture(s, report) for s in _distinct(statements("fixture"), report)]
     signals = _signals(statements("io"), report)
     processes = [resolve_process(s, report) for s in _distinct(statements("process"), report)]
+    _check_reserved(processes, report)
     tables = {
-        s.name.text: table
+        s.name.text: resolve_table(s, loader, report)
         for s in _distinct(statements("holes"), report)
-        if (table := resolve_table(s, loader, report)) is not None
     }
     tool = _only(tools, "tool", report)
     robot = _only(robots, "robot", report)
@@ -79,19 +81,19 @@ def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
             spec.span(0, 1),
             hint="region NAME { posture …  process …  points mm { … } }",
         )
-    if part is None:
-        report.stop_if_failed()
-        raise AssertionError("a missing part is an error")
     regions, holes, used = resolve_regions(
         region_statements,
         statements("skip"),
         tables,
-        {p.name: (i, p) for i, p in enumerate([*processes, VISIT])},
+        {VISIT.name: (len(processes), VISIT)} | {p.name: (i, p) for i, p in enumerate(processes)},
         part,
         report,
     )
     _check_unused(spec.shown, processes, tables, used, report)
-    _check_rules(part, robot, tool, regions, region_statements, report)
+    _check_machine(spec.shown, robot, tool, report)
+    _check_rules(robot, regions, region_statements, report)
+    if robot is None and part_statement is not None:
+        _check_up(part_statement, regions, report)
     jump = _sequence(statements("sequence"), report)
     emits = _emits(statements("emit"), report)
     if holes is None:
@@ -116,11 +118,20 @@ def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
     )
 
 
+def _no_part(spec: Source) -> Part:
+    """Stands in for a missing part, which is an error, so that the rest can be checked."""
+    return Part(Named("", spec.span(0, 1)), None, True, DEFAULT_UNIT_TOLERANCE, None)
+
+
 def _no_holes() -> HoleTable:
     none, rows = np.empty(0), np.empty(0, dtype=np.int32)
     triples = np.empty((0, 3))
     ids = np.empty(0, dtype="<U1")
     return HoleTable(ids, triples, triples, none, none, rows, rows, rows, rows, ())
+
+
+#: Statements whose keyword is not what they declare.
+_SAID = {"holes": "hole table"}
 
 
 def _single(
@@ -137,6 +148,7 @@ def _single(
             f"a spec has one {kind}; this is another",
             again.name.span,
             labels=[Label(found[0].name.span, "the first one")],
+            hint="remove one of them",
         )
     return found[0]
 
@@ -149,9 +161,10 @@ def _distinct(found: Iterable[Statement], report: Report) -> list[Statement]:
         if name in first:
             report.error(
                 "E215",
-                f"{statement.kind} {name} is declared twice",
+                f"{_SAID.get(statement.kind, statement.kind)} {name} is declared twice",
                 statement.name.span,
                 labels=[Label(first[name].name.span, "the first one")],
+                hint="rename or remove one of them",
             )
         first.setdefault(name, statement)
     return list(first.values())
@@ -159,13 +172,14 @@ def _distinct(found: Iterable[Statement], report: Report) -> list[Statement]:
 
 def _only(things: Sequence[T], kind: str, report: Report) -> T | None:
     if len(things) > 1:
-        names = [getattr(thing, "name") for thing in things]  # noqa: B009
+        names = [thing.name for thing in things]
         report.error(
             "E216",
             f"there are {len(things)} {kind}s ({', '.join(n.text for n in names)}); "
-            f"a program has one",
+            "a program has one",
             names[1].span,
             labels=[Label(names[0].span, "the first one")],
+            hint="remove the others",
         )
     return things[0] if things else None
 
@@ -180,23 +194,35 @@ def _signals(found: Sequence[Statement], report: Report) -> dict[str, Signal]:
                     f"there are two signals for {role}",
                     signal.span,
                     labels=[Label(signals[role].span, "the first one")],
+                    hint="remove one of them",
                 )
             signals.setdefault(role, signal)
     return signals
 
 
+def _check_reserved(processes: Sequence[Process], report: Report) -> None:
+    for process in processes:
+        if process.name == VISIT.name:
+            report.error(
+                "E218",
+                f'"{VISIT.name}" is what drillc calls the process of a region that names none',
+                process.span,
+                hint="give the process another name",
+            )
+
+
 def _check_unused(
     spec_shown: str,
     processes: Sequence[Process],
-    tables: dict[str, Table],
+    tables: dict[str, Table | None],
     used: set[str],
     report: Report,
 ) -> None:
-    """Names that the spec itself declares and nothing uses; a cell file may hold more than needed."""
+    """What the spec itself declares and nothing uses; a cell file may hold more than needed."""
     unused: list[tuple[str, Named | Word]] = [
         ("process", Named(p.name, p.span)) for p in processes if p.span and p.name not in used
     ]
-    unused += [("hole table", table.name) for name, table in tables.items() if name not in used]
+    unused += [("hole table", t.name) for name, t in tables.items() if t and name not in used]
     for kind, name in unused:
         if name.span.source.shown == spec_shown:
             report.error(
@@ -207,65 +233,76 @@ def _check_unused(
             )
 
 
-def _check_rules(
-    part: Part,
-    robot: Portal | None,
-    tool: Tool | None,
-    regions: Sequence[Region],
-    statements: Sequence[Statement],
-    report: Report,
+def _check_machine(
+    spec_shown: str, robot: Portal | None, tool: Tool | None, report: Report
 ) -> None:
-    """Whether each region has what decides its posture, and only that."""
-    if robot is not None and tool is not None and tool.name.span.source is robot.name.span.source:
+    if robot is not None and tool is not None and tool.name.span.source.shown == spec_shown:
         report.error(
             "E217",
             f"tool {tool.name.text} is not used: the portal carries its own",
             tool.name.span,
             hint="remove it",
         )
+
+
+def _check_rules(
+    robot: Portal | None,
+    regions: Sequence[Region],
+    statements: Sequence[Statement],
+    report: Report,
+) -> None:
+    """Whether each region has what decides its posture, and only that."""
     for region, statement in zip(regions, statements, strict=True):
         rule = region.posture
-        if robot is not None:
-            if rule is not None:
-                report.error(
-                    "E246",
-                    f"region {region.name.text} has a posture rule, but robot {robot.name.text} "
-                    "brings every normal upright by itself",
-                    rule.span,
-                    hint="remove the rule",
-                )
-            continue
-        if rule is None:
+        if rule is None and robot is None:
             report.error(
                 "E247",
                 f"region {region.name.text} does not say how the tool is held about its axis",
                 statement.name.span,
                 hint="posture x horizontal toward +X; or posture y toward -Z",
             )
-        while rule is not None:
-            if rule.horizontal and part.up is None:
-                report.error(
-                    "E248",
-                    f'"horizontal" needs to know what is up, and part {part.name.text} does not '
-                    "say it",
-                    rule.span,
-                    labels=[Label(part.name.span, "this part")],
-                    hint="part … { up +Z  … }",
-                )
-                return
-            rule = rule.fallback
+        elif rule is not None and robot is not None:
+            report.error(
+                "E246",
+                f"region {region.name.text} has a posture rule, but robot {robot.name.text} "
+                "brings every normal upright by itself",
+                rule.span,
+                hint="remove the rule",
+            )
+
+
+def _check_up(part: Statement, regions: Sequence[Region], report: Report) -> None:
+    """One missing `up` is one mistake, however many rules ask for it."""
+    rules = [region.posture for region in regions if region.posture is not None]
+    rules += [rule.fallback for rule in rules if rule.fallback is not None]
+    asking = [rule for rule in rules if rule.horizontal]
+    if asking and all(item.key.text != "up" for item in part.items):
+        report.error(
+            "E248",
+            f'"horizontal" needs to know what is up, and part {part.name.text} does not say it',
+            asking[0].span,
+            labels=[Label(part.name.span, "this part")],
+            hint=f"part {part.name.text} {{ up +Z  … }}",
+        )
 
 
 def _sequence(found: Sequence[Statement], report: Report) -> float | None:
-    jump = None
     for statement in found[1:]:
-        report.error("E215", "a spec has one sequence; this is another", statement.name.span)
-    for statement in found[:1]:
-        item = Fields(statement, report).get("heading_jump")
-        if item is not None:
-            jump = measure(item.values[0], "angle", "heading_jump", report, above=0)
-            if jump > math.pi:
-                report.error("E206", "a heading jumps by at most 180 deg", item.span)
+        report.error(
+            "E215",
+            "a spec has one sequence; this is another",
+            statement.name.span,
+            labels=[Label(found[0].name.span, "the first one")],
+            hint="put everything into one of them",
+        )
+    item = Fields(found[0], report).get("heading_jump") if found else None
+    if item is None:
+        return None
+    jump = measure(item.values[0], "angle", "heading_jump", report, above=0)
+    if jump > math.pi:
+        report.error(
+            "E206", "heading_jump must be at most 180 deg: no heading jumps farther", item.span
+        )
     return jump
 
 
@@ -289,16 +326,23 @@ def _emits(found: Sequence[Statement], report: Report) -> tuple[Emit, ...]:
             if key == "axes":
                 axes = [(named(a.key), named(of_type(a.values[0], Word))) for a in item.items]
             else:
-                settings.append(_setting(item))
+                settings.append(_setting(item, report))
         emits.append(Emit(named(statement.name), tuple(settings), tuple(axes)))
     return tuple(emits)
 
 
-def _setting(item: Item) -> Setting:
+def _setting(item: Item, report: Report) -> Setting:
     value: Value = item.values[0]
     if isinstance(value, Quantity):
         unit = UNITS[value.unit] if value.unit else None
         number = float(value.number) if unit is None else convert(value.number, unit)
+        if not math.isfinite(number):
+            report.error(
+                "E205",
+                f"{item.key.text} is {value.number}, beyond anything a controller can take",
+                value.span,
+                hint="check the decimal point and the exponent",
+            )
         return Setting(named(item.key), number, value.unit or "", value.span)
     text = value if isinstance(value, Text) else of_type(value, Word)
     return Setting(named(item.key), text.text, "", text.span)

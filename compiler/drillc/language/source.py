@@ -21,8 +21,8 @@ class Span:
 class Source:
     """A file that was read.
 
-    `shown` is its path as a person would type it, for messages. `key` is its path below the root and
-    `sha256` the hash of its bytes, for the manifest: neither depends on where the tree lies.
+    `shown` is its path as a person would type it, for messages. `key` is its path below the root
+    and `sha256` the hash of its bytes, for the manifest: neither depends on where the tree lies.
     """
 
     path: Path

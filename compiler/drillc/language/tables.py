@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import difflib
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -14,7 +14,7 @@ import numpy as np
 from drillc.language.ast import Text, Word
 from drillc.language.columns import numbers
 from drillc.language.diagnostics import NAMED_ROWS, Report
-from drillc.language.job import Floats
+from drillc.language.job import Floats, Ints
 from drillc.language.points import RawHoles
 from drillc.language.source import Source, Span
 from drillc.language.units import UNITS, Unit
@@ -38,68 +38,102 @@ class TableSpec:
     path: Text
 
 
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A hole table that was read, and where it was declared."""
+
+    name: Word
+    source: Source
+    holes: RawHoles
+
+    def span(self, row: int) -> Span:
+        """Where a row is written."""
+        return self.holes.span(row, self.source)
+
+
 @dataclass
 class _Faults:
     """Bad cells by code, so that a million of them are a handful of messages."""
 
     report: Report
     source: Source
+    delimiter: str
     seen: dict[str, int] = field(default_factory=dict)
 
-    def add(self, code: str, line: int, message: str, hint: str | None = None) -> None:
+    def add(
+        self, code: str, line: int, message: str, hint: str | None = None, cell: int | None = None
+    ) -> None:
+        """Report the row that begins at `line`, or its cell number `cell`."""
         count = self.seen[code] = self.seen.get(code, 0) + 1
         if count <= NAMED_ROWS:
-            span = Span(self.source, line, 1, max(1, len(self.source.line_text(line))))
-            self.report.error(code, message, span, hint=hint)
+            start, end = _row(self.source, line)
+            if cell is not None:
+                start, end = _cell(self.source.text, start, self.delimiter, cell)
+            self.report.error(code, message, self.source.span(start, end), hint=hint)
 
     def finish(self) -> None:
         for code, count in self.seen.items():
             if count > NAMED_ROWS:
-                self.report.error(
-                    code,
-                    f"{count - NAMED_ROWS:,} more such rows in {self.source.shown}",
-                    Span(self.source, 1, 1),
-                )
+                more = f"{count - NAMED_ROWS:,} more of this kind in {self.source.shown}"
+                self.report.error(code, more, Span(self.source, 1, 1))
 
 
 def read_table(spec: TableSpec, source: Source, report: Report) -> RawHoles | None:
     """Read the mapped columns of a table. Reports all its mistakes; None when there are any."""
-    faults = _Faults(report, source)
+    faults = _Faults(report, source, spec.delimiter)
     before = len(report.diagnostics)
     rows = _rows(spec, source, faults)
     header = next(rows, None)
     if header is None:
-        report.error("E311", f"{source.shown} is empty; it needs a header line", spec.path.span)
+        report.error(
+            "E311",
+            f"{source.shown} is empty",
+            spec.path.span,
+            hint="a table begins with a line of column titles",
+        )
         return None
     places = _places(spec, source, header[1], report)
     if places is None:
         return None
-    lines: list[Floats] = []
+    lines: list[Ints] = []
+    starts: list[Ints] = []
     ids: list[str] = []
     blocks: dict[str, list[Floats]] = {key: [] for key in places if key != "id"}
     width = len(header[1])
     while block := list(islice(rows, BLOCK_ROWS)):
-        kept = [(line, cells) for line, cells in block if _fits(line, cells, width, faults)]
+        kept = [row for row in block if _fits(row[0], row[1], width, faults)]
         if not kept:
             continue
         columns = list(zip(*(cells for _, cells in kept), strict=True))
         line_numbers = [line for line, _ in kept]
-        lines.append(np.array(line_numbers))
+        id_lines, id_starts = _id_places(source, columns[: places["id"] + 1], line_numbers, faults)
+        lines.append(id_lines)
+        starts.append(id_starts)
         ids += [text.strip() for text in columns[places["id"]]]
         for key in blocks:
-            blocks[key].append(
-                _numbers(
-                    key, columns[places[key]], spec, header[1][places[key]], line_numbers, faults
-                )
+            place = places[key]
+            title = header[1][place].strip()
+            found = numbers(
+                columns[place],
+                UNITS["mm"] if key in "ijk" else spec.unit,
+                optional=key in {"diameter", "stack"},
             )
+            for row, code, what in found.bad:
+                line = line_numbers[row]
+                message = f"row {line}, column {title}: the {_SAID[key]} {what}"
+                faults.add(code, line, message, cell=place)
+            blocks[key].append(found.values)
     faults.finish()
     if len(report.diagnostics) > before:
         return None
-    return _joined(ids, lines, blocks)
+    return _joined(ids, lines, starts, blocks)
 
 
-def _joined(ids: list[str], lines: list[Floats], blocks: dict[str, list[Floats]]) -> RawHoles:
+def _joined(
+    ids: list[str], lines: list[Ints], starts: list[Ints], blocks: dict[str, list[Floats]]
+) -> RawHoles:
     count = len(ids)
+    none = np.empty(0, dtype=np.int32)
 
     def column(key: str) -> Floats:
         parts = blocks.get(key)
@@ -111,18 +145,18 @@ def _joined(ids: list[str], lines: list[Floats], blocks: dict[str, list[Floats]]
         normal=np.stack([column(key) for key in "ijk"], axis=1),
         diameter_mm=column("diameter"),
         stack_mm=column("stack"),
-        line=np.concatenate(lines).astype(np.int32) if lines else np.empty(0, dtype=np.int32),
-        column=np.ones(count, dtype=np.int32),
+        line=np.concatenate([none, *lines]),
+        column=np.concatenate([none, *starts]),
     )
 
 
 def _rows(spec: TableSpec, source: Source, faults: _Faults) -> Iterator[tuple[int, list[str]]]:
-    """(line number, cells) of each non-empty row."""
+    """(line number, cells) of each row that is not blank."""
     reader = csv.reader(io.StringIO(source.text, newline=""), delimiter=spec.delimiter, strict=True)
     line = 1
     try:
         for cells in reader:
-            if cells:
+            if any(map(str.strip, cells)):
                 yield line, cells
             line = reader.line_num + 1
     except csv.Error as error:
@@ -132,12 +166,11 @@ def _rows(spec: TableSpec, source: Source, faults: _Faults) -> Iterator[tuple[in
 def _fits(line: int, cells: list[str], width: int, faults: _Faults) -> bool:
     if len(cells) == width:
         return True
-    faults.add(
-        "E313",
-        line,
-        f"row {line} has {len(cells)} cells; the header has {width}",
-        "check the delimiter, and quote cells that contain it",
-    )
+    hint = "check the delimiter, and quote cells that contain it"
+    if len(cells) > width and faults.delimiter == ",":
+        hint += "; or are these decimal commas?"
+    were = "1 cell" if len(cells) == 1 else f"{len(cells)} cells"
+    faults.add("E313", line, f"row {line} has {were}; the header has {width}", hint)
     return False
 
 
@@ -168,21 +201,6 @@ def _places(
     return places if complete else None
 
 
-def _numbers(
-    key: str,
-    texts: tuple[str, ...],
-    spec: TableSpec,
-    title: str,
-    lines: list[int],
-    faults: _Faults,
-) -> Floats:
-    unit = UNITS["mm"] if key in "ijk" else spec.unit
-    cells = numbers(texts, unit, optional=key in {"diameter", "stack"})
-    for row, code, what in cells.bad:
-        faults.add(code, lines[row], f"row {lines[row]}, column {title}: the {_SAID[key]} {what}")
-    return cells.values
-
-
 _SAID = {
     "x": "position's x",
     "y": "position's y",
@@ -193,3 +211,56 @@ _SAID = {
     "diameter": "diameter",
     "stack": "stack thickness",
 }
+
+
+# ── where a row and its cells stand in the file ──────────────────────────────────────────────────
+
+
+def _row(source: Source, line: int) -> tuple[int, int]:
+    """The offsets at which the line `line` begins and ends."""
+    start = source.line_starts()[line - 1]
+    return start, start + max(1, len(source.line_text(line)))
+
+
+def _cell(text: str, start: int, delimiter: str, cell: int) -> tuple[int, int]:
+    """The offsets of a cell's content, without blanks and quotes, in the row that begins at
+    `start`. A quoted cell may contain the delimiter, line breaks and doubled quotes."""
+    for number in range(cell + 1):
+        end = start
+        if text[start : start + 1] == '"':
+            end = text.index('"', start + 1)
+            while text[end + 1 : end + 2] == '"':
+                end = text.index('"', end + 2)
+            start += 1
+        else:
+            stops = (text.find(delimiter, start), text.find("\n", start), len(text))
+            end = min(stop for stop in stops if stop >= 0)
+        if number < cell:
+            start = text.index(delimiter, end) + 1
+    blank = len(text[start:end]) - len(text[start:end].lstrip())
+    return start + blank, max(start + blank, start + len(text[start:end].rstrip()))
+
+
+def _id_places(
+    source: Source, before: Sequence[tuple[str, ...]], rows: list[int], faults: _Faults
+) -> tuple[Ints, Ints]:
+    """Line and column of the file at which each row's id stands. `before`: the columns up to the
+    id's; `rows`: the lines at which the rows begin.
+
+    Without a quote in the file the cells' lengths tell; else each row is looked at.
+    """
+    if '"' in source.text:
+        starts, text, last = source.line_starts(), source.text, len(before) - 1
+        places = []
+        for row in rows:
+            at, _ = _cell(text, starts[row - 1], faults.delimiter, last)
+            line = row + text.count("\n", starts[row - 1], at)
+            places.append((line, at - starts[line - 1] + 1))
+        lines, columns = np.array(places, dtype=np.int32).T
+        return lines, columns
+    column = np.full(len(rows), len(before), dtype=np.int32)
+    for cells in before[:-1]:
+        column += np.fromiter(map(len, cells), np.int32, len(rows))
+    blanks = (len(cell) - len(cell.lstrip()) for cell in before[-1])
+    column += np.fromiter(blanks, np.int32, len(rows))
+    return np.array(rows, dtype=np.int32), column

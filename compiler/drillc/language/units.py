@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from decimal import Decimal, DecimalException
+from decimal import Context, Decimal, DecimalException
 from typing import Literal
 
 Dimension = Literal[
@@ -96,6 +96,9 @@ def convert(number: str, unit: Unit) -> float:
     if unit.power == 0:
         return float(number)
     try:
-        return float(Decimal(number) * unit.factor)
-    except DecimalException:  # an exponent beyond what even decimals hold
-        return math.inf
+        # Precise enough that the product is exact (or the quotient behind a factor is far beyond a
+        # float), so that the float is the only rounding.
+        context = Context(prec=len(number) + 40)
+        return float(context.multiply(Decimal(number), unit.factor))
+    except DecimalException:  # an exponent beyond what even decimals hold: zero or infinite
+        return float(number)

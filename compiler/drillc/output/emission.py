@@ -6,7 +6,8 @@ What is returned only formats numbers when it is iterated, a chunk at a time.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from drillc.output.numbers import Column, Fixed, Text
 from drillc.output.post import Option, PostProcessor, Task
 from drillc.output.settings import read_settings
 from drillc.output.staging import Rows, Stage, StagingError
-from drillc.planning.program import Program, Section, Step
+from drillc.planning.program import Program, Step
 
 #: The table of changed names, beside a post's own files.
 NAMES_FILE = "names.csv"
@@ -175,6 +176,7 @@ def _modules(post: PostProcessor, task: Task, stretches: Sequence[Rows]) -> list
         CycleView(name, post.comment(c.process.name), i, c.process, c.steps, c.fault)
         for i, (name, c) in enumerate(zip(names.processes, task.program.cycles, strict=True))
     ]
+    starts = [section.start for section in task.program.sections]
     views = []
     for index, rows in enumerate(stretches):
         sections = tuple(
@@ -184,16 +186,13 @@ def _modules(post: PostProcessor, task: Task, stretches: Sequence[Rows]) -> list
                 Rows(max(section.start, rows.start), min(section.stop, rows.stop)),
                 cycles[section.cycle],
             )
-            for section in _overlapping(task.program.sections, rows)
+            for section in task.program.sections[
+                max(0, bisect_right(starts, rows.start) - 1) : bisect_left(starts, rows.stop)
+            ]
+            if section.stop > max(section.start, rows.start)
         )
         views.append(ModuleView(names.modules[index], index + 1, rows, sections))
     return views
-
-
-def _overlapping(sections: Sequence[Section], rows: Rows) -> Iterator[Section]:
-    for section in sections:
-        if section.start < rows.stop and rows.start < section.stop:
-            yield section
 
 
 def _rendered(post: PostProcessor, task: Task, modules: Sequence[ModuleView]) -> list[OutFile]:
@@ -231,10 +230,15 @@ def _columns(post: PostProcessor, task: Task) -> Mapping[str, Column]:
 
 def _comments(post: PostProcessor, ids: Texts) -> Texts:
     """Hole ids as they may stand in a comment; unchanged, and untouched, in nearly all cases."""
-    widest = ids.dtype.itemsize // 4
-    if not post.comment_forbidden and widest <= post.comment_length:
-        return ids
-    return np.array([post.comment(text) for text in ids.tolist()], dtype=np.str_)
+    texts: list[str] = ids.tolist()
+    if (
+        type(post).comment is PostProcessor.comment
+        and ids.dtype.itemsize // 4 <= post.comment_length
+    ):
+        joined = "\n".join(texts)
+        if not any(character in joined for character in post.comment_forbidden):
+            return ids
+    return np.array([post.comment(text) for text in texts], dtype=np.str_)
 
 
 def _check_covered(program: Program) -> None:

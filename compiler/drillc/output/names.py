@@ -214,7 +214,7 @@ def _check(
     report: Report,
 ) -> None:
     """No two names are one, and none is taken by the language or by the post's own templates."""
-    folded = [rules.fold(name) for name in holes]
+    folded = rules.fold("\n".join(holes)).split("\n") if holes else []
     distinct = set(folded)
     taken = {rules.fold(word): "a word of the language" for word in rules.keywords}
     taken.update(

@@ -1,7 +1,8 @@
-"""Whether the tool's point keeps out of the fixtures: straight paths against boxes, exactly.
+"""Whether the tool's point keeps out of the fixtures, and clear of the part on its travels.
 
-Only the tool centre point's path is checked, between its standoff and its depth, and from standoff
-to standoff within a region. The tool's body is not: that takes its shape.
+Only the tool centre point's path is checked: against fixtures between its standoff and its depth,
+and from standoff to standoff within a region (exactly); against the part from standoff to standoff
+(judged from the holes' normals, so a warning). The tool's body is not: that takes its shape.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from drillc.language.diagnostics import Label, Report
 from drillc.language.holes import report_holes
 from drillc.language.job import Box, Floats, Job
+from drillc.planning.bulge import arc_rise_mm, turned_rad
 
 
 def check_fixtures(job: Job, part_from_tool: Floats, depth_mm: Floats, report: Report) -> None:
@@ -58,6 +60,38 @@ def check_fixtures(job: Job, part_from_tool: Floats, depth_mm: Floats, report: R
                 hint=lambda row: "retract farther, or put the holes into separate regions",
                 label=lambda row, label=label: label,  # type: ignore[misc]
             )
+
+
+def check_travel(job: Job, part_from_tool: Floats, report: Report) -> None:
+    """Warn where the straight way from a hole's standoff to the next one's may cut the part."""
+    axis, position = part_from_tool[:, :, 2], job.holes.position_mm
+    if len(axis) < 2:
+        return
+    arrive, leave = np.empty(len(axis)), np.empty(len(axis))
+    for region in job.regions:
+        process = job.processes[region.process]
+        arrive[region.start : region.stop] = process.approach_mm
+        leave[region.start : region.stop] = process.retract_mm
+    turned = turned_rad(axis)
+    rise = arc_rise_mm(position, axis)
+    # Both ends of the way stand off along their own normals, so their height over the chord is
+    # the standoff's share along the normal between the two.
+    height = np.minimum(leave[:-1], arrive[1:]) * np.cos(0.5 * turned)
+    holes = job.holes
+    report_holes(
+        holes,
+        np.flatnonzero(rise > height) + 1,
+        "W362",
+        lambda row: (
+            f"between holes {holes.ids[row - 1]} and {holes.ids[row]} the part may rise "
+            f"{rise[row - 1]:.0f} mm over the line from one to the other (its normals turn by "
+            f"{np.degrees(turned[row - 1]):.0f} deg); the tool travels {height[row - 1]:.0f} mm "
+            f"over that line"
+        ),
+        report,
+        hint=lambda row: "retract and approach farther, or order the holes along the part",
+        label=lambda row: Label(holes.span(row - 1), "from here"),
+    )
 
 
 def enters(start_mm: Floats, end_mm: Floats, box: Box) -> NDArray[np.bool_]:

@@ -1,7 +1,7 @@
-"""Process → cycle: the steps done at each hole, in the order that keeps tool, part and people whole.
+"""Process → cycle: the steps done at each hole, in an order that keeps tool, part and people whole.
 
-Clamped before cut, spindle on before it nears the part, out before the spindle stops, everything off
-and out when an answer fails to come.
+Clamped before cut, spindle on before it nears the part, out before the spindle stops, everything
+off and out when an answer fails to come.
 """
 
 from __future__ import annotations

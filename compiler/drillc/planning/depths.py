@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drillc.language.diagnostics import Report
 from drillc.language.holes import report_holes
@@ -44,7 +46,7 @@ def plunge_depths(job: Job, report: Report) -> Floats:
                     f"(its stack is {job.holes.stack_mm[row]:g} mm)"
                 ),
                 report,
-                "the depth must be more than 0",
+                "the depth must be more than 0 mm",
             )
         sink = job.processes[region.process].countersink
         if sink is not None:
@@ -81,7 +83,7 @@ def _sink_depths(job: Job, region: Region, sink: Countersink, report: Report) ->
             f"{job.holes.ids[row]}, {job.holes.diameter_mm[row]:g} mm"
         ),
         report,
-        "",
+        "give the rim's diameter, which is the larger; or: countersink … by 1.5 mm",
     )
     return (rim_mm - diameter_mm) / (2.0 * math.tan(sink.angle_rad / 2.0))
 
@@ -89,18 +91,11 @@ def _sink_depths(job: Job, region: Region, sink: Countersink, report: Report) ->
 def _report(
     job: Job,
     region: Region,
-    bad: np.ndarray,
+    bad: NDArray[np.bool_],
     code: str,
-    message: object,
+    message: Callable[[int], str],
     report: Report,
     hint: str,
 ) -> None:
-    assert callable(message)
-    report_holes(
-        job.holes,
-        np.flatnonzero(bad) + region.start,
-        code,
-        message,
-        report,
-        hint=lambda row: hint or None,
-    )
+    rows = np.flatnonzero(bad) + region.start
+    report_holes(job.holes, rows, code, message, report, hint=lambda row: hint)

@@ -17,6 +17,7 @@ from drillc.language.job import (
     Job,
 )
 from drillc.language.machine import PORTAL_JOINTS, ROTARY_JOINT
+from drillc.language.source import Span
 
 
 def check_expectations(
@@ -56,24 +57,22 @@ def check_expectations(
                 if there != count:
                     report.error(
                         "E504",
-                        f"region {job.regions[region].name.text} has {there:,} holes; "
-                        f"{count:,} are expected",
+                        f"region {job.regions[region].name.text} has {there:,} holes, "
+                        f"{abs(there - count):,} {'more' if there > count else 'fewer'} than the "
+                        f"{count:,} that are expected",
                         span,
                     )
 
 
 def _check_joints(
-    name: str, off: Floats, within_mm: float, within_rad: float, span: object, report: Report
+    name: str, off: Floats, within_mm: float, within_rad: float, span: Span, report: Report
 ) -> None:
-    from drillc.language.source import Span
-
-    assert isinstance(span, Span)
-    misses = [
-        f"{joint} by {math.degrees(error):+.4f} deg" if turns else f"{joint} by {error:+.4f} mm"
-        for i, (joint, error) in enumerate(zip(PORTAL_JOINTS, off.tolist(), strict=True))
-        for turns in (i == ROTARY_JOINT,)
-        if not abs(error) <= (within_rad if turns else within_mm)
-    ]
+    misses = []
+    for index, (joint, error) in enumerate(zip(PORTAL_JOINTS, off.tolist(), strict=True)):
+        if index == ROTARY_JOINT and not abs(error) <= within_rad:
+            misses.append(f"{joint} by {math.degrees(error):+.4f} deg")
+        elif index != ROTARY_JOINT and not abs(error) <= within_mm:
+            misses.append(f"{joint} by {error:+.4f} mm")
     if misses:
         report.error(
             "E503",

@@ -29,11 +29,16 @@ from drillc.language.holes import report_holes
 from drillc.language.job import Floats, Ints, Job, Limit, Portal
 from drillc.language.machine import PORTAL_JOINTS, ROTARY_JOINT
 from drillc.planning.program import JointAxis, JointMotion
+from drillc.planning.travel import travel_height_mm
 
 #: Slack for comparing with a limit, so that a hole exactly on it passes.
 SLACK_MM = 1e-6
 #: What forward kinematics of a solution may differ by; more is a bug in drillc.
 CLOSURE_MM = 1e-6
+
+#: The share of its standoff that the tool keeps over the plate while the part moves; where less is
+#: sure, the tool withdraws all the way.
+LEAST_HEIGHT = 0.5
 
 AXES = tuple(JointAxis(name, i == ROTARY_JOINT) for i, name in enumerate(PORTAL_JOINTS))
 _FEED_AXIS = 5
@@ -92,7 +97,7 @@ def solve_portal(job: Job, robot: Portal, depth_mm: Floats, report: Report) -> S
     base_from_part = _confirm(job, geometry, q)
     part_from_tool = np.swapaxes(base_from_part, 1, 2) @ _BASE_FROM_TOOL[robot.side]
     return Solution(
-        _motion(job, robot, q),
+        _motion(job, robot, geometry, part_from_tool, q),
         part_from_tool,
         np.ones(len(q), dtype=np.int32),
         _margins(robot, q, reach),
@@ -280,22 +285,33 @@ def _confirm(job: Job, geometry: PortalGeometry, q: Floats) -> Floats:
     return base_from_part
 
 
-def _motion(job: Job, robot: Portal, q: Floats) -> JointMotion:
-    """The tool withdraws before the part moves, to the lower (working from above: the higher) of the
-    standoff it leaves and the one it goes to, so it is clear of both while the plate turns. Before
-    the first hole nobody knows how the part stands, so there it withdraws as far as it can."""
+def _motion(
+    job: Job, robot: Portal, geometry: PortalGeometry, part_from_tool: Floats, q: Floats
+) -> JointMotion:
+    """The tool withdraws before the part moves: to the lower (working from above: the higher) of the
+    standoff it leaves and the one it goes to, so it is clear of both while the plate turns. Where
+    that may not keep it clear of the plate in between, and before the first hole of a region, when
+    the way is long or nobody knows how the part stands, it withdraws as far as it can."""
     sign: int = 1 if robot.side == "below" else -1
     approach, retract = np.empty(len(q)), np.empty(len(q))
+    first = np.zeros(len(q), dtype=np.bool_)
     for region in job.regions:
         process = job.processes[region.process]
         approach[region.start : region.stop] = process.approach_mm
         retract[region.start : region.stop] = process.retract_mm
+        first[region.start : region.start + 1] = True
     arrive = q[:, _FEED_AXIS] - sign * approach
     leave = q[:, _FEED_AXIS] - sign * retract
     withdraw = arrive.copy()
     clear = np.minimum if sign > 0 else np.maximum
     withdraw[1:] = clear(arrive[1:], leave[:-1])
-    withdraw[:1] = robot.limits[_FEED_AXIS].low if sign > 0 else robot.limits[_FEED_AXIS].high
+    standoff = np.minimum(retract[:-1], approach[1:])
+    height = travel_height_mm(
+        geometry, q, withdraw, _FEED_AXIS, job.holes.position_mm, part_from_tool[:, :, 2]
+    )
+    first[1:] |= ~(height >= LEAST_HEIGHT * standoff)
+    limit = robot.limits[_FEED_AXIS]
+    withdraw[first] = limit.low if sign > 0 else limit.high
     return JointMotion(AXES, q, _FEED_AXIS, 1 if sign > 0 else -1, withdraw, robot.speeds)
 
 
@@ -322,6 +338,10 @@ def _m(length_mm: float) -> str:
 
 
 def _interval(low_mm: float, high_mm: float) -> str:
-    if low_mm > high_mm:
+    """In metres to 0.01 mm, rounded inwards: whatever is read from it does serve."""
+    if low_mm > high_mm + SLACK_MM:
         return "no interval"
-    return f"[{low_mm / 1000:.4f}, {high_mm / 1000:.4f}] m"
+    low, high = math.ceil((low_mm - SLACK_MM) * 100), math.floor((high_mm + SLACK_MM) * 100)
+    if low > high:
+        return f"[{low_mm / 1000:.9g}, {high_mm / 1000:.9g}] m"
+    return f"[{low / 100_000:.5f}, {high / 100_000:.5f}] m"

@@ -35,9 +35,9 @@ def check_heading_jumps(job: Job, part_from_tool: Floats, report: Report) -> Non
     limit_rad = job.heading_jump_max_rad
     if limit_rad is None:
         return
+    holes = job.holes
     for region in job.regions:
         jump_rad = heading_jump_rad(part_from_tool[region.start : region.stop])
-        holes = job.holes
         report_holes(
             holes,
             np.flatnonzero(jump_rad > limit_rad) + region.start + 1,
@@ -48,6 +48,7 @@ def check_heading_jumps(job: Job, part_from_tool: Floats, report: Report) -> Non
                 f"{math.degrees(limit_rad):g} deg"
             ),
             report,
+            hint=lambda row: "order the holes so that the tool turns less; or change the rule",
             label=lambda row: Label(holes.span(row - 1), "from here"),
         )
 
@@ -104,10 +105,11 @@ def _report_open(
         return f"{math.degrees(posture.tilt_rad[row - start]):.3g} deg"
 
     label = Label(rule.span, "this rule")
+    fallen_back = rule is not region.posture
     if rule.horizontal:
-        code, what = "E351", "vertical: every heading is horizontal there"
+        code, what = "E351", "vertical, where every heading is horizontal"
     else:
-        code, what = "E352", "along `toward`, which then gives no heading"
+        code, what = "E352", "the direction of `toward`, along which it gives no heading"
     report_holes(
         holes,
         np.flatnonzero(open_ & posture.undefined) + start,
@@ -118,7 +120,9 @@ def _report_open(
         ),
         report,
         hint=lambda row: (
-            f"give the rule a fallback: posture {axis} … fallback {axis} toward "
+            f"the fallback too must decide there: {axis} toward {_suggest(holes.feed[row])}"
+            if fallen_back
+            else f"give the rule a fallback: posture {axis} … fallback {axis} toward "
             f"{_suggest(holes.feed[row])}"
         ),
         label=lambda row: label,

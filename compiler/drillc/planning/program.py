@@ -1,9 +1,9 @@
 """The Program: what the machine will do, still free of any controller's syntax.
 
 A program is poses or joints in columns, a handful of cycles (the steps done at each hole of a
-process), and sections: runs of holes that share a region and so a cycle. Posts read this and nothing
-else. Along the tool axis, a step's place is a depth in mm: 0 at the hole's position, positive into
-the part, so the standoff is at -approach_mm.
+process), and sections: runs of holes that share a region and so a cycle. Posts read this and
+nothing else. Along the tool axis, a step's place is a depth in mm: 0 at the hole's position,
+positive into the part, so the standoff is at -approach_mm.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ class StopSpindle:
 @dataclass(frozen=True)
 class Plunge:
     """Feed from `from_mm` to the hole's own depth; with `peck_mm`, in pecks of at most that much,
-    each followed by a withdrawal to `from_mm` and a return to `peck_gap_mm` before the last bottom."""
+    each followed by a withdrawal to `from_mm` and a return to `peck_gap_mm` before the last
+    bottom."""
 
     from_mm: float
     feed_mm_s: float
@@ -130,7 +131,7 @@ class Section:
 
 @dataclass(frozen=True)
 class JointAxis:
-    """A joint of the machine: its name in the spec, and whether it turns (radians) or slides (mm)."""
+    """A joint of the machine: its name in the spec; whether it turns (radians) or slides (mm)."""
 
     name: str
     rotary: bool

@@ -44,7 +44,7 @@ class BoreasPost(PostProcessor):
 
     def check(self, task: Task, report: Report) -> None:
         if task.program.motion is None and task.program.tool is None:
-            report.error("E690", "boreas needs to know the tool", task.emit.post.span)
+            report.error("E901", "boreas needs to know the tool", task.emit.post.span)
 
     def columns(self, task: Task) -> dict[str, Column]:
         motion = task.program.motion
@@ -54,9 +54,8 @@ class BoreasPost(PostProcessor):
                 letter: Fixed(task.program.holes.position_mm[:, i], 3)
                 for i, letter in enumerate("xyz")
             }
-            columns |= {
-                f"q{letter}": Fixed(quaternions[:, i], 9) for i, letter in enumerate("xyzw")
-            }
+            for i, letter in enumerate("xyzw"):
+                columns[f"q{letter}"] = Fixed(quaternions[:, i], 9)
             return columns
         columns = {"withdraw": Fixed(motion.withdraw_mm, 4)}
         for i, axis in enumerate(motion.axes):
