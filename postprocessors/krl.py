@@ -180,7 +180,7 @@ class KrlPost(PostProcessor):
                     "E626",
                     "krl needs the number of the tool whose centre point the poses are for",
                     span,
-                    hint="describe the tool: tool NAME { number 1  tcp … }, and name it in robot",
+                    hint="describe the tool: tool NAME { number 1  tcp … }",
                 )
             if program.frame is None:
                 report.warn(

@@ -227,7 +227,7 @@ class RapidPost(PostProcessor):
                     "E649",
                     "rapid needs to know how fast the rotary external axes may turn",
                     task.emit.post.span,
-                    hint="give the joint a speed in robot; or emit rapid { rotary_speed 10 deg/s }",
+                    hint="give the joint a speed: robot … { speeds { … } }; or emit rapid { rotary_speed 10 deg/s }",
                 )
         _check_names(task, report)
         check_full_scale(program, "E646", report)
@@ -320,7 +320,7 @@ def _check_tool(task: Task, report: Report) -> None:
                 "E644",
                 "rapid needs the tool whose centre point the poses are for",
                 span,
-                hint=f"describe the tool and name it in robot; or {name_it}",
+                hint=f"describe the tool: tool NAME {{ … }}; or {name_it}",
             )
         return
     stated = {"mass": tool.mass_kg, "centre of gravity": tool.centre_of_gravity_mm}

@@ -76,6 +76,8 @@ PANEL = Barrel(crown_mm=2000.0, meridian_mm=20_000.0, station_mm=0.0, axis_below
 
 #: What lies on the skin, and the skin's land at the lap joint, where two skins meet.
 SKIN_MM, STRINGER_MM, TIE_MM, LAND_MM = 1.6, 1.8, 2.2, 2.5
+#: All is drilled with one tool; the tooling holes were drilled before, with another.
+HOLE_MM, TOOLING_MM = 4.8, 8.0
 #: The doubler under an antenna: where it is, and how thick.
 DOUBLER_U, DOUBLER_THETA, DOUBLER_MM = (-1.0, 0.6), (-8.0, 8.0), 1.2
 
@@ -95,18 +97,18 @@ def panel() -> Iterator[Fastener]:
         for p in _turned(along, s % 2 == 0):
             if (p - 43) % 14:
                 u, theta = (p - 43) / 10, 5.0 * (s - 10)
-                yield Fastener(f"S{s:02d}{p:02d}", u, theta, 4.0, _grip(STRINGER_MM, u, theta))
+                yield Fastener(f"S{s:02d}{p:02d}", u, theta, HOLE_MM, _grip(STRINGER_MM, u, theta))
     for r in (1, 2):
         for p in _turned(along, r == 1):
-            yield Fastener(f"L{r:02d}{p:02d}", (p - 43) / 10, 48.0 + r, 6.4, 2 * LAND_MM)
+            yield Fastener(f"L{r:02d}{p:02d}", (p - 43) / 10, 48.0 + r, HOLE_MM, 2 * LAND_MM)
     for f in range(1, 8):
         for p in _turned(around, f % 2 == 1):
             if (p - 48) % 5:
                 u, theta = 14 * (4 - f) / 10, p - 48.0
-                yield Fastener(f"F{f:02d}{p:02d}", u, theta, 4.8, _grip(TIE_MM, u, theta))
+                yield Fastener(f"F{f:02d}{p:02d}", u, theta, HOLE_MM, _grip(TIE_MM, u, theta))
     corners = [(u, theta) for theta in (-51.5, 51.5) for u in (-4.0, -1.4, 1.4, 4.0)]
     for t, (u, theta) in enumerate(corners, 1):
-        yield Fastener(f"T{t:02d}", u, theta, 8.0, 2 * LAND_MM)
+        yield Fastener(f"T{t:02d}", u, theta, TOOLING_MM, 2 * LAND_MM)
 
 
 def _grip(under_mm: float, u_deg: float, theta_deg: float) -> float:

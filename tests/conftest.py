@@ -16,5 +16,10 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--fuzz-seed", type=int, help="run this one case of tests/fuzz")
     parser.addoption(
+        "--update-diagnostics",
+        action="store_true",
+        help="write tests/diagnostics/cases/*/expected.txt anew instead of comparing",
+    )
+    parser.addoption(
         "--update-golden", action="store_true", help="write tests/golden anew instead of comparing"
     )

@@ -211,8 +211,9 @@ def _silence() -> None:
 def _say(diagnostics: Sequence[Diagnostic], as_json: bool, json_to: TextIO | None = None) -> None:
     """Diagnostics to the error stream, or as one JSON array to the output stream."""
     from drillc.language.diagnostics import as_json as to_json
-    from drillc.language.diagnostics import render
+    from drillc.language.diagnostics import in_order, render
 
+    diagnostics = in_order(diagnostics)
     if as_json:
         import json
 

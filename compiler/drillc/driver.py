@@ -48,7 +48,7 @@ def plan_spec(path: Path, root: Path | None, report: Report, progress: Progress 
     from drillc.planning.depths import plunge_depths
     from drillc.planning.expected import check_expectations
     from drillc.planning.plan import plan
-    from drillc.planning.portal_joints import solve_portal
+    from drillc.planning.portal_joints import solve_portal, travel_points
     from drillc.planning.postures import check_heading_jumps, resolve_postures
 
     progress("reading the spec")
@@ -74,9 +74,13 @@ def plan_spec(path: Path, root: Path | None, report: Report, progress: Progress 
 
     progress(f"checking {len(job.holes):,} holes")
     check_heading_jumps(job, part_from_tool, report)
-    check_fixtures(job, part_from_tool, depth_mm, report)
-    if solution is None:
+    between = []
+    if job.robot is not None and solution is not None:
+        if job.fixtures:
+            between = travel_points(job.robot, solution)
+    else:
         check_travel(job, part_from_tool, report)
+    check_fixtures(job, part_from_tool, depth_mm, between, report)
     joints = None if solution is None else solution.motion.joints
     check_expectations(job, part_from_tool, joints, report)
     report.stop_if_failed()

@@ -61,6 +61,8 @@ def case_of(seed: int) -> Case:
     rng = random.Random(f"drillc {seed}")
     base = rng.choice(seeds())
     tree = Tree(base.spec, dict(base.files))
+    if rng.random() < 0.5:
+        tree.put(base.spec, _EXPECT.sub("", tree.text(base.spec)))
     for _ in range(rng.choice((1, 1, 1, 2, 2, 3, 5))):
         mutator = rng.choices(tuple(MUTATORS), tuple(MUTATORS.values()))[0]
         before = dict(tree.files)
@@ -127,6 +129,8 @@ _NUMBER = re.compile(r"(?<![\w.])[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][+-]?\
 _UNIT = re.compile(r"(?<=[\d)}] )(?:mm/rev|mm/min|mm/s|m/min|m/s|deg/s|mm|um|cm|m|inch|rpm|deg|rad)\b")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _STRING = re.compile(r'"[^"\n]*"')
+_EXPECT = re.compile(r"^expect [^\n]*\n", re.MULTILINE)
+_QUANTITY = re.compile(r"[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?= (?:mm|um|m|deg|rpm|s|ms|N|kN|kg|rad|%)\b)")
 
 
 def _some_file(tree: Tree, rng: random.Random, suffixes: str = "drill cell csv") -> str:
@@ -266,6 +270,41 @@ def other_number(tree: Tree, rng: random.Random) -> None:
                 return old + rng.choice(("0", "1", "5", "e1", "e-1"))
 
     _replace(tree, rng, _NUMBER, new, "drill cell csv")
+
+
+def other_quantity(tree: Tree, rng: random.Random) -> None:
+    """A number with a unit, larger or smaller: a spec that reaches the posts, with odd values."""
+
+    def new(old: str) -> str:
+        factor = rng.choice((0.001, 0.01, 0.1, 0.5, 0.9, 1.0001, 1.5, 3, 10, 100, 10_000, -1))
+        if rng.random() < 0.2:
+            return rng.choice(("1e-7", "0.0004", "0.0005", "1e-12", "0.001", "99999", "1e6", "0.05"))
+        return f"{float(old) * factor:.10g}"
+
+    _replace(tree, rng, _QUANTITY, new, "drill cell")
+
+
+#: Words that may stand in each other's place.
+_FAMILIES = (
+    ("below", "above"), ("centre", "widest_margin", "least_travel"), ("into", "outward"), ("x", "y"),
+    ("+X", "-X", "+Y", "-Y", "+Z", "-Z"), ("krl", "rapid", "gcode"), ("output", "input", "analog"),
+    ("q1", "q2", "q3", "q4", "q5", "q6"), ("U", "V", "W", "X", "Y", "Z", "A", "B", "C", "E1", "A6", "eax_a"),
+    ("and", "or"), ("<", "<=", ">", ">=", "==", "!="), ("spindle_running", "released", "clamp_force"),
+    ("dwell 1 s", "peck 2 mm", "clamp timeout 1 s", "rivet timeout 1 s", "clearance 1 mm", ""),
+    ("euler xyz", "euler zyx", "euler zyz"), ("drill48", "spot", "touch", "csk", "rivet5", "visit"),
+)  # fmt: skip
+
+
+def other_choice(tree: Tree, rng: random.Random) -> None:
+    """A word exchanged for another of its family: mostly a spec that makes sense."""
+    name = _some_file(tree, rng, "drill cell")
+    text = tree.text(name)
+    family = rng.choice(_FAMILIES)
+    words = "|".join(rf"(?<![\w+-]){re.escape(word)}(?![\w])" for word in family if word)
+    found = list(re.finditer(words, text))
+    if found:
+        match = rng.choice(found)
+        tree.put(name, text[: match.start()] + rng.choice(family) + text[match.end() :])
 
 
 def other_unit(tree: Tree, rng: random.Random) -> None:
@@ -495,7 +534,7 @@ def nasty_path(tree: Tree, rng: random.Random) -> None:
 
 def lose_file(tree: Tree, rng: random.Random) -> None:
     """A file is missing, empty, or something else stands in its place."""
-    name = rng.choice(tuple(tree.files))
+    name = _some_file(tree, rng)
     del tree.files[name]
     match rng.randrange(6):
         case 0:
@@ -511,27 +550,29 @@ def lose_file(tree: Tree, rng: random.Random) -> None:
 
 
 MUTATORS: dict[Mutator, float] = {
-    delete_tokens: 8,
-    duplicate_token: 5,
-    swap_tokens: 8,
-    graft_tokens: 8,
+    delete_tokens: 5,
+    duplicate_token: 3,
+    swap_tokens: 5,
+    graft_tokens: 5,
     damage_lines: 6,
-    nasty_number: 10,
-    other_number: 14,
-    other_unit: 4,
-    other_word: 8,
-    rename_everywhere: 6,
-    insert_strange: 8,
+    nasty_number: 12,
+    other_number: 16,
+    other_quantity: 26,
+    other_choice: 16,
+    other_unit: 6,
+    other_word: 6,
+    rename_everywhere: 8,
+    insert_strange: 6,
     flip_bytes: 2,
-    truncate: 3,
+    truncate: 2,
     line_ends: 2,
     other_encoding: 1,
-    nest: 3,
-    long_stretch: 4,
+    nest: 2,
+    long_stretch: 3,
     long_condition: 2,
-    many_holes: 3,
+    many_holes: 4,
     damage_cells: 8,
     damage_columns: 3,
-    nasty_path: 4,
+    nasty_path: 3,
     lose_file: 2,
 }

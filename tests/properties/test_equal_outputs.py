@@ -6,7 +6,7 @@ from dataclasses import replace
 from decimal import Decimal
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from properties.specs import (
@@ -20,9 +20,12 @@ from properties.specs import (
     portal_cases,
 )
 
+#: Each example is compiled two or three times, for two or three posts.
+few = settings(max_examples=20)
 UNITS = st.sampled_from(("m", "cm", "um"))
 
 
+@few
 @given(pose_cases(), UNITS)
 def test_the_unit_of_poses(case: PoseCase, unit: str) -> None:
     wanted = emitted(case.spec)
@@ -31,6 +34,7 @@ def test_the_unit_of_poses(case: PoseCase, unit: str) -> None:
     assert emitted(replace(case.spec, unit=unit, table=True)) == wanted
 
 
+@few
 @given(portal_cases(), UNITS)
 def test_the_unit_of_the_portals_holes(case: PortalCase, unit: str) -> None:
     wanted = emitted(case.spec)
@@ -51,12 +55,14 @@ def test_every_decimal_is_the_same_float_in_every_unit(value: Decimal, digits: i
         assert numbers([text], UNITS[unit]).values.tolist() == [float(value)]
 
 
+@few
 @given(pose_cases(), st.data())
 def test_the_order_of_declarations(case: PoseCase, data: st.DataObject) -> None:
     """Regions are made in the order in which they stand; all else may stand anywhere."""
     assert emitted(_reordered(case.spec, data)) == emitted(case.spec)
 
 
+@few
 @given(portal_cases(), st.data())
 def test_the_order_of_the_portals_declarations(case: PortalCase, data: st.DataObject) -> None:
     assert emitted(_reordered(case.spec, data)) == emitted(case.spec)
@@ -77,6 +83,7 @@ def _reordered(spec: Spec, data: st.DataObject) -> dict[str, str]:
     return files
 
 
+@few
 @given(pose_cases(), st.data())
 def test_declarations_in_a_cell_file(case: PoseCase, data: st.DataObject) -> None:
     """What a cell may declare gives the same program from a cell."""
@@ -90,6 +97,7 @@ def test_declarations_in_a_cell_file(case: PoseCase, data: st.DataObject) -> Non
     assert emitted(files) == emitted(case.spec)
 
 
+@few
 @given(pose_cases())
 def test_a_table_and_inline_points_are_one_program(case: PoseCase) -> None:
     inline, table = planned(case.spec), planned(replace(case.spec, table=True))
@@ -99,6 +107,7 @@ def test_a_table_and_inline_points_are_one_program(case: PoseCase) -> None:
     np.testing.assert_array_equal(inline.part_from_tool, table.part_from_tool)
 
 
+@few
 @given(pose_cases(), st.sampled_from(("krl", "rapid")))
 def test_a_post_alone_writes_what_it_writes_beside_another(case: PoseCase, post: str) -> None:
     both = emitted(case.spec)

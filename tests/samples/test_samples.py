@@ -279,9 +279,8 @@ def test_the_panels_orientations_follow_from_the_ids(panel):
 
 
 def test_the_panel_is_drilled_through_and_sunk(panel):
-    rim = {"S": 7.2, "F": 8.2, "L": 11.0}
-    head = np.array([rim[name[0]] for name in panel["id"].tolist()]) - panel["DIA"]
-    depth = panel["GRIP"] + 2.0 + head / 2.0 / np.tan(np.radians(50.0))
+    assert set(panel["DIA"].tolist()) == {4.8}
+    depth = panel["GRIP"] + 2.0 + (8.2 - 4.8) / 2.0 / np.tan(np.radians(50.0))
     assert np.abs(planned("panel.drill").program.depth_mm - depth).max() < 1e-9
     assert set(panel["GRIP"].tolist()) == {3.4, 3.8, 4.6, 5.0}
 

@@ -146,12 +146,13 @@ def _check_table_cover(
     twice = np.flatnonzero(count > 1)
     for row in twice[:NAMED_ROWS].tolist():
         holders = [(name, span) for name, span, mask in taken if mask[row]]
+        first = holders[0][0].removeprefix("region ")
         report.error(
             "E333",
             f"hole {table.holes.ids[row]} is in {' and in '.join(name for name, _ in holders)}",
             table.span(row),
             labels=[Label(span, f"taken by {name}") for name, span in holders],
-            hint=f"exclude one from the other: select {table.name.text} not in REGION",
+            hint=f"exclude one from the other: select {table.name.text} not in {first}",
         )
     if len(twice) > NAMED_ROWS:
         report.error(

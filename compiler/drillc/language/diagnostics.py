@@ -111,6 +111,20 @@ def as_json(diagnostic: Diagnostic) -> dict[str, object]:
     }
 
 
+def in_order(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """As one reads the files: those without a place first, then by file (in the order in which the
+    files turn up), line and column."""
+    files: dict[str, int] = {}
+
+    def place(diagnostic: Diagnostic) -> tuple[int, int, int]:
+        span = diagnostic.span
+        if span is None:
+            return -1, 0, 0
+        return files.setdefault(span.source.shown, len(files)), span.line, span.column
+
+    return sorted(diagnostics, key=place)
+
+
 def printable(text: str) -> str:
     """`text` with control characters replaced, so that no input can steer a terminal."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
@@ -142,9 +156,9 @@ def _drawn(span: Span) -> list[str]:
     start, length = span.column - 1, max(1, span.length)
     if len(text) > DRAWN_WIDTH:
         cut = max(0, min(start - DRAWN_WIDTH // 2, len(text) - DRAWN_WIDTH))
+        more = len(text) > cut + DRAWN_WIDTH
         text, start = text[cut : cut + DRAWN_WIDTH], start - cut
-        if cut:
-            text = "…" + text[1:]
+        text = ("…" if cut else text[0]) + text[1:-1] + ("…" if more else text[-1])
     text = printable(text.expandtabs(1))
     carets = "^" * max(1, min(length, len(text) - start))
     number = str(span.line)

@@ -17,34 +17,39 @@ from drillc.language.job import (
     ExpectJoints,
     ExpectPosition,
     ExpectRotation,
-    HoleTable,
     Portal,
     Region,
 )
 from drillc.language.machine import ROTARY_JOINT
+from drillc.language.regions import Resolved
 from drillc.language.units import UNITS, convert, said
 
 
 def resolve_expects(
     statements: Sequence[Statement],
-    holes: HoleTable,
-    regions: Sequence[Region],
+    resolved: Resolved,
     robot: Portal | None,
     report: Report,
 ) -> tuple[Expect, ...]:
-    """Each expectation with its hole's row and its values in mm and radians."""
+    """Each expectation with its hole's row and its values in mm and radians.
+
+    While not all holes are known, one that is not found is no mistake of the expectation.
+    """
     if not statements:
         return ()
+    holes = resolved.holes
     wanted = {s.name.text for s in statements}
     found = np.flatnonzero(np.isin(holes.ids, sorted(wanted)))
     rows = {str(holes.ids[row]): row for row in found.tolist()}
-    resolved = []
+    expects = []
     for statement in statements:
         item = statement.items[0]
         if item.key.text == "expect_holes":
-            expect = _count(statement, item, regions, report)
+            expect = _count(statement, item, resolved.regions, report)
         else:
             row = rows.get(statement.name.text)
+            if row is None and not resolved.complete:
+                continue
             if row is None:
                 report.error(
                     "E210",
@@ -55,8 +60,8 @@ def resolve_expects(
                 continue
             expect = _of_hole(row, statement, item, robot, report)
         if expect is not None:
-            resolved.append(expect)
-    return tuple(resolved)
+            expects.append(expect)
+    return tuple(expects)
 
 
 def _count(

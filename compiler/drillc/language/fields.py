@@ -52,6 +52,7 @@ class Fields:
                     f'"{key}" is given twice in {statement.kind} {statement.name.text}',
                     item.key.span,
                     labels=[Label(first.key.span, "first given here")],
+                    hint="remove one of them",
                 )
 
     def get(self, key: str) -> Item | None:
@@ -128,18 +129,17 @@ def measure(
         report.error(
             "E205",
             f"{what} is {_cut(quantity.number)} {quantity.unit}, beyond anything a machine can do "
-            f"(the limit is {bound:g} {_base(dimension)})",
+            f"(the limit is {_said_bound(bound, dimension)})",
             quantity.span,
             hint="check the unit and the decimal point",
         )
         return math.nan
     if (above is not None and number <= above) or (least is not None and number < least):
         need, bound = ("at least", least or 0.0) if above is None else ("more than", above)
-        in_unit = _base(dimension) if bound else quantity.unit
+        limit = _said_bound(bound, dimension) if bound else f"0 {quantity.unit}"
         report.error(
             "E206",
-            f"{what} is {_cut(quantity.number)} {quantity.unit}; it must be {need} {bound:g} "
-            f"{in_unit}",
+            f"{what} is {_cut(quantity.number)} {quantity.unit}; it must be {need} {limit}",
             quantity.span,
         )
         return math.nan
@@ -254,19 +254,10 @@ def example(dimension: Dimension) -> str:
     return next(name for name, unit in UNITS.items() if unit.dimension == dimension)
 
 
-def _base(dimension: Dimension) -> str:
-    return {
-        "length": "mm",
-        "angle": "rad",
-        "time": "s",
-        "speed": "mm/s",
-        "spindle speed": "rev/s",
-        "turning speed": "rad/s",
-        "feed per turn": "mm/rev",
-        "force": "N",
-        "mass": "kg",
-        "share": "of one",
-    }[dimension]
+def _said_bound(bound: float, dimension: Dimension) -> str:
+    """A bound in the base unit, in the first unit in which one would write it."""
+    unit = example(dimension)
+    return f"{bound / float(UNITS[unit].factor):g} {unit}"
 
 
 def _cut(number: str) -> str:

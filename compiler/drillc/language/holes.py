@@ -29,6 +29,10 @@ def gather(parts: Sequence[tuple[int, Source, RawHoles]], normals_into: bool) ->
     Feed directions are the normals made unit, or their opposites where normals point outward; a
     normal without a direction gives NaN.
     """
+    if not parts:
+        none, rows = np.empty(0), np.empty(0, dtype=np.int32)
+        ids, triples = np.empty(0, dtype="<U1"), np.empty((0, 3))
+        return HoleTable(ids, triples, triples, none, none, rows, rows, rows, rows, ())
     sources = list(dict.fromkeys(source for _, source, _ in parts))
     counts = [len(raw.ids) for _, _, raw in parts]
 
@@ -85,7 +89,7 @@ def check_normals(raw: RawHoles, source: Source, tolerance: float, report: Repor
 
 def _mended(normal: Floats, length: float) -> str:
     """How to write a normal so that it is a unit vector."""
-    if not (1e-3 < length < 1e3):
+    if not 0 < length < math.inf:
         return "a normal is a unit vector"
     unit = f"write it as a unit vector: {_triple(np.round(normal / length, 7))}"
     off = abs(length - 1)
@@ -103,7 +107,16 @@ def _rounded_up(value: float) -> float:
 def check_raw(raw: RawHoles, source: Source, report: Report) -> None:
     """Ids that can be used, and positions, diameters and stacks that a machine could know."""
     where = _Where(raw, source, report)
-    far = np.asarray((~(np.abs(raw.position_mm) <= MAX_LENGTH_MM)).any(axis=1))
+    unset = np.asarray(np.isnan(raw.position_mm).any(axis=1))
+    where.each(
+        unset,
+        "E318",
+        lambda i: (
+            f"the position of hole {raw.ids[i]} is not finite: {_triple(raw.position_mm[i])} mm"
+        ),
+        lambda i: "a position is three numbers",
+    )
+    far = ~unset & (np.abs(raw.position_mm) > MAX_LENGTH_MM).any(axis=1)
     where.each(
         far,
         "E205",
@@ -146,8 +159,7 @@ def _check_ids(raw: RawHoles, where: _Where) -> None:
         long,
         "E323",
         lambda i: (
-            f"this hole's id has {len(ids[i])} characters; the limit (MAX_ID_LENGTH) is "
-            f"{MAX_ID_LENGTH}"
+            f"this hole's id is too long; the limit (MAX_ID_LENGTH) is {MAX_ID_LENGTH} characters"
         ),
         lambda i: "shorten it",
     )
@@ -225,9 +237,12 @@ def check_table(holes: HoleTable, regions: Sequence[Region], report: Report) -> 
 
     A row that two regions take is one hole, and has been reported as such.
     """
+    if not len(holes):
+        return
     _check_duplicate_ids(holes, report)
-    _check_duplicate_positions(holes, report)
-    _check_scale(holes, regions, report)
+    with np.errstate(over="ignore"):  # what is too far away has been reported
+        _check_duplicate_positions(holes, report)
+        _check_scale(holes, regions, report)
 
 
 def _check_duplicate_ids(holes: HoleTable, report: Report) -> None:
@@ -279,8 +294,7 @@ def _check_duplicate_positions(holes: HoleTable, report: Report) -> None:
 
 
 def _check_scale(holes: HoleTable, regions: Sequence[Region], report: Report) -> None:
-    with np.errstate(over="ignore"):
-        distance = np.sqrt(np.einsum("ij,ij->i", holes.position_mm, holes.position_mm))
+    distance = np.sqrt(np.einsum("ij,ij->i", holes.position_mm, holes.position_mm))
     for region in regions:
         rows = slice(region.start, region.stop)
         median = float(np.median(distance[rows])) if region.stop - region.start >= 3 else 0.0

@@ -52,7 +52,8 @@ class Loader:
         try:
             size = path.stat().st_size
             if not path.is_file():
-                self.report.error("E121", f"{shown} is not a file", span)
+                what = "a folder" if path.is_dir() else "no regular file"
+                self.report.error("E121", f"{shown} is {what}", span, hint="name a file")
                 return None
             if size > limit.size:
                 self.report.error(
@@ -233,7 +234,7 @@ def _check_cell(file: SpecFile, report: Report) -> None:
             report.error(
                 "E128",
                 f'"{statement.kind}" does not belong in a file that others use',
-                statement.name.span,
+                statement.span,
                 hint="a cell file declares tools, robots, fixtures, signals and processes",
             )
 
@@ -242,11 +243,13 @@ def _unix(text: str) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _near_file(path: Path) -> str | None:
-    """A file of nearly that name in the same folder."""
+def _near_file(path: Path) -> str:
+    """A hint: a file of nearly that name in the same folder."""
     try:
         names = [entry.name for entry in path.parent.iterdir()]
     except OSError:
-        return None
+        names = []
     near = difflib.get_close_matches(path.name, names, 1)
-    return f'did you mean "{near[0]}"?' if near else None
+    if near:
+        return f'did you mean "{near[0]}"?'
+    return "a path is relative to the file in which it is written"

@@ -42,6 +42,7 @@ from drillc.language.job import (
     Tool,
     WorkFrame,
 )
+from drillc.language.source import Span
 from drillc.language.units import UNITS, Dimension
 
 #: How far a normal's length may be from 1 unless the part says otherwise. The posture article's own
@@ -137,7 +138,7 @@ def resolve_fixture(statement: Statement, report: Report) -> Fixture:
     for item in statement.items:
         first, second, unit = item.values
         corner = lengths(in_unit(first, unit), "the box's corner", report)
-        # The unit stands behind both corners: that it is missing or wrong is said once.
+        # The unit stands behind both corners; what is wrong with it is said once.
         known = isinstance(unit, Word) and UNITS[unit.text].dimension == "length"
         other = lengths(in_unit(second, unit), "the box's corner", report) if known else corner
         low, high = np.minimum(corner, other), np.maximum(corner, other)
@@ -179,6 +180,7 @@ def resolve_signals(statement: Statement, report: Report) -> dict[str, Signal]:
                 f'"{role}" is given twice in io',
                 item.key.span,
                 labels=[Label(signals[role].span, "first given here")],
+                hint="remove one of them",
             )
             continue
         signals[role] = _signal(item, report)
@@ -194,10 +196,11 @@ def _signal(item: Item, report: Report) -> Signal:
             "E212",
             f"{role} is an {_SAID_KIND[SIGNAL_ROLES[role]]}, not an {_SAID_KIND[kind_word.text]}",
             kind_word.span,
-            hint=f"{role} {SIGNAL_ROLES[role]} 1",
+            hint=f"{role} {SIGNAL_ROLES[role]} {of_type(number, Quantity).number}"
+            + (" full …" if role in _FULL_SCALE else ""),
         )
     scale = None
-    if role in _FULL_SCALE:
+    if role in _FULL_SCALE and kind_word.text == "analog":
         if full is None:
             report.error(
                 "E213",
@@ -313,6 +316,7 @@ def _limits(
                 f'the limits of "{name}" are given twice',
                 entry.key.span,
                 labels=[Label(first, "first given here")] if first else [],
+                hint="remove one of them",
             )
             continue
         dimension: Dimension = "angle" if name in {"q3", "alpha"} else "length"
@@ -343,7 +347,7 @@ def _limits(
         if limit is not None and (limit.low < 0 or limit.high > top):
             report.error(
                 "E225",
-                f"the limits of {name} leave the machine: it slides in 0 .. {top:g} mm",
+                f"the limits of {name} leave the machine, where it slides in 0 .. {top:g} mm",
                 limit.span,
                 hint="narrow the limits, or correct " + ("D" if name == "q4" else "H"),
             )
@@ -357,6 +361,7 @@ def _limits(
 
 def _speeds(fields: Fields, report: Report) -> tuple[float | None, ...]:
     speeds: dict[str, float] = {}
+    first: dict[str, Span] = {}
     item = fields.get("speeds")
     for entry in item.items if item else ():
         name = entry.key.text
@@ -372,10 +377,12 @@ def _speeds(fields: Fields, report: Report) -> tuple[float | None, ...]:
                 "E201",
                 f'the speed of "{name}" is given twice',
                 entry.key.span,
+                labels=[Label(first[name], "first given here")],
                 hint="remove one of them",
             )
         else:
             dimension: Dimension = "turning speed" if name == "q3" else "speed"
+            first[name] = entry.key.span
             speeds[name] = measure(entry.values[0], dimension, f"{name}'s speed", report, above=0)
     travelling = ("q1", "q2", "q6")
     missing = [name for name in travelling if name not in speeds]

@@ -124,7 +124,8 @@ def _depth(item: Item | None, report: Report) -> tuple[float, bool]:
     if len([v for v in item.items[0].values if v is not None]) == 1 and extra.number[0] not in "+-":
         report.error(
             "E234",
-            f"depth is the stack and {extra.number}; say whether that is added",
+            f"depth is the stack and {extra.number} {extra.unit or ''}".rstrip()
+            + "; say whether that is added",
             extra.span,
             hint=f"depth stack + {extra.number} {extra.unit or 'mm'}",
         )

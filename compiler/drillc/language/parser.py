@@ -97,7 +97,7 @@ def parse(source: Source, report: Report) -> SpecFile | None:
             tree = _parser().parse(text)
         except UnexpectedInput as error:
             found += 1
-            at = _report_syntax(source, structure, error, report)
+            at = _report_syntax(source, text, structure, error, report)
             resume = next((s for s in structure.starts if s >= at and s > parsed_to), None)
             if resume is None or found == MAX_SYNTAX_ERRORS:
                 return None
@@ -221,22 +221,29 @@ def _begins_statement(text: str, at: int, word: str, inside: bool) -> bool:
 
 
 def _report_syntax(
-    source: Source, structure: _Structure, error: UnexpectedInput, report: Report
+    source: Source, text: str, structure: _Structure, error: UnexpectedInput, report: Report
 ) -> int:
-    """Report one syntax error and return its offset."""
-    at, expected = len(source.text), set[str]()
-    if isinstance(error, UnexpectedToken):
-        expected = set(error.accepts or error.expected)
-        if error.token.type != "$END" and error.token.start_pos is not None:
-            at = error.token.start_pos
-    elif isinstance(error, UnexpectedCharacters):
-        at, expected = error.pos_in_stream or 0, set(error.allowed or ())
+    """Report one syntax error in `text`, the source or what is left of it; its offset."""
+    at = len(text)
+    if isinstance(error, UnexpectedCharacters):
+        at = error.pos_in_stream or 0
+    elif isinstance(error, UnexpectedToken) and error.token.type != "$END":
+        at = error.token.start_pos or 0
+    expected = _acceptable(text[:at])
     if not (
         _report_unclosed(source, structure, at, expected, report)
         or _report_characters(source, at, expected, report)
     ):
         _report_word(source, at, expected, report)
     return at
+
+
+def _acceptable(text: str) -> set[str]:
+    """The terminals that may follow `text`. (What Lark's own error lists is what may follow once it
+    has made up its mind about `text`: no unit behind a number any more.)"""
+    parser = _parser().parse_interactive(text)
+    parser.exhaust_lexer()
+    return set(parser.accepts())  # type: ignore[no-untyped-call]
 
 
 def _report_unclosed(
@@ -279,6 +286,7 @@ def _report_characters(source: Source, at: int, expected: set[str], report: Repo
             "E108",
             "this text has no closing quote on its line",
             source.span(at, len(text) if end < 0 else end),
+            hint='close it with "',
         )
     elif character and is_strange(character):
         report.error(
@@ -298,12 +306,10 @@ def _report_word(source: Source, at: int, expected: set[str], report: Report) ->
     keywords = sorted(_keywords()[name] for name in expected if name in _keywords())
     if not word:
         # At the end of the file the last thing written is what can be shown.
-        last = max(0, len(source.text.rstrip()) - 1)
-        report.error(
-            "E101",
-            f"the file ends where {_said(expected)} should stand",
-            source.span(last, last + 1),
-        )
+        end = len(source.text.rstrip())
+        last = max(source.text.rfind(blank, 0, end) for blank in " \t\n") + 1
+        message = f"the file ends where {_said(expected)} should stand"
+        report.error("E101", message, source.span(last, end))
         return
     span = source.span(at, at + len(word))
     near = difflib.get_close_matches(word, keywords, 1)
@@ -312,7 +318,7 @@ def _report_word(source: Source, at: int, expected: set[str], report: Report) ->
             "E107",
             f'"{word}" is not part of language version {VERSION}',
             span,
-            hint=f"expected {_said(expected)}",
+            hint=f"leave it out; what can stand here: {_said(expected)}",
         )
     elif "UNIT" in expected and not near and (word[0].isalpha() or word == "%"):
         report.error("E109", f'"{word}" is not a unit', span, hint=_near_unit(word))
@@ -336,6 +342,7 @@ def _near_unit(word: str) -> str:
 def _said(terminals: Iterable[str]) -> str:
     """Terminals in words: `a number, "(" or depth`."""
     wanted = set(terminals)
+    wanted = wanted - {"$END"} or wanted
     kinds = [said for name, said in _SAID_TERMINALS.items() if name in wanted]
     words = sorted(_keywords()[name] for name in wanted if name in _keywords())
     signs = sorted(f'"{_signs()[name]}"' for name in wanted if name in _signs())

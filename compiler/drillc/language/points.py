@@ -7,6 +7,7 @@ What lies between two points is a mistake, and is explained from its first chara
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drillc.language.ast import PointBlock
+from drillc.language.characters import is_strange, meant, said_character
 from drillc.language.columns import numbers
 from drillc.language.diagnostics import NAMED_ROWS, Report
 from drillc.language.job import Floats, Ints, Texts
@@ -35,10 +37,12 @@ _TRIPLE = rf"\(\s*+({_NUMBER})\s*+,\s*+({_NUMBER})\s*+,\s*+({_NUMBER})\s*+\)"
 _POINT = re.compile(
     rf"\s*+(?:({_ID})\s*+{_TRIPLE}\s*+normal\s*+{_TRIPLE}|[^\s(),]++|[(),]|\Z)", re.ASCII
 )
-# Where the next point seems to begin, behind one that is malformed.
-_BEGIN = re.compile(rf"\n[ \t]*+(?!normal\b){_ID}\s*+\(")
+# Where the next point seems to begin, behind one that is malformed: at a line that does not look as
+# if it went on with this one.
+_BEGIN = re.compile(rf"(?<=\n)[ \t]*+(?!normal\b){_ID}\s*+[^\s,)]")
 _COMMENT = re.compile(r"#[^\n]*")
 _BLANK = re.compile(r"\s*", re.ASCII)
+_WORD = re.compile(r"[^\s(),]+|[(),]")
 
 #: What a point is made of, in order, with how to say it: used to explain a mistake.
 _PIECES = (
@@ -96,7 +100,7 @@ def read_points(block: PointBlock, unit: Unit, report: Report) -> RawHoles:
         if matches:
             names, *cells = zip(*(m.groups() for m in matches), strict=True)
             offsets.append(np.fromiter((m.start(1) for m in matches), np.int64, len(matches)))
-            ids.append(np.array(names, dtype=np.str_))
+            ids.append(id_column(names))
             position = [numbers(c, unit).values for c in cells[:3]]
             columns.append(position + [_normal_component(c) for c in cells[3:]])
     gaps.finish()
@@ -112,6 +116,14 @@ def read_points(block: PointBlock, unit: Unit, report: Report) -> RawHoles:
         line=line,
         column=column,
     )
+
+
+def id_column(names: Sequence[str]) -> Texts:
+    """Ids as a column. Too long ones are cut to one character too many, and so still refused: one
+    of them would make every row as wide."""
+    if max(map(len, names)) > MAX_ID_LENGTH:
+        names = [name[: MAX_ID_LENGTH + 1] for name in names]
+    return np.array(names, dtype=np.str_)
 
 
 def _by_column(blocks: list[list[Floats]]) -> list[list[Floats]]:
@@ -160,29 +172,47 @@ class _Gaps:
                 message = "more points of this block are malformed; mend these first"
                 self.report.error("E301", message, self.block.span)
                 return
-            at, message = _explain(self.text, start)
-            shown = at + self.block.start
-            span = self.block.source.span(shown, shown + 1)
-            self.report.error("E301", message, span, hint=_HINT)
-            begin = _BEGIN.search(self.text, at, stop)
+            begin = _BEGIN.search(self.text, self._report(start), stop)
             start = begin.start() if begin else stop
+
+    def _report(self, start: int) -> int:
+        """Report the point that begins at `start`; the offset up to which it was understood."""
+        text, source = self.text, self.block.source
+        at, behind, wanted = _explain(text, start)
+        character = text[at : at + 1]
+        if character and is_strange(character):
+            code, message = (
+                "E110",
+                f"a character that a point cannot have: {said_character(character)}",
+            )
+            shown, length, hint = at, 1, meant(character) or _HINT
+        else:
+            word = _WORD.match(text, at)
+            found = f'"{word[0][:40]}"' if word else "the end of the block"
+            code, message = "E301", f"expected {wanted}, found {found}"
+            shown, length, hint = at, len(word[0]) if word else 1, _HINT
+            if wanted.startswith('")"') and character == ",":
+                hint += "; numbers have a decimal point"
+        if (start < behind and "\n" in text[behind:at]) or at == len(text):
+            # What is missing is missing behind the last good piece, not on some later line.
+            shown, length = max(behind - 1, start), 1
+        span = source.span(self.block.start + shown, self.block.start + shown + length)
+        self.report.error(code, message, span, hint=hint)
+        return max(behind, start)
 
 
 _HINT = "a point is written: P1 (240, 2379, -542) normal (-0.233, -0.012, 0.972)"
 
 
-def _explain(text: str, at: int) -> tuple[int, str]:
-    """Where the point that begins at `at` goes wrong, and what should stand there."""
-    said = "a point"
-    for pattern, said in _PIECES:
+def _explain(text: str, at: int) -> tuple[int, int, str]:
+    """Where the point that begins at `at` goes wrong, where its last good piece ends, and what
+    should stand there."""
+    behind = at
+    for pattern, wanted in _PIECES:
         blank = _BLANK.match(text, at)
         at = blank.end() if blank else at
         match = pattern.match(text, at)
         if not match:
-            break
-        at = match.end()
-    else:
-        return at, "this point is malformed"
-    word = re.compile(r"[^\s(),]+|.|$").match(text, at)
-    got = f'"{word[0][:40]}"' if word and word[0] else "the end of the block"
-    return min(at, max(0, len(text) - 1)), f"expected {said}, found {got}"
+            return at, behind, wanted
+        behind = at = match.end()
+    return at, behind, "the next point"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
@@ -92,6 +93,7 @@ def _columns(fields: Fields, report: Report) -> dict[str, Word | Text] | None:
                 f'the column "{key}" is given twice',
                 entry.key.span,
                 labels=[Label(columns[key].span, "first given here")],
+                hint="remove one of them",
             )
         else:
             value = entry.values[0]
@@ -118,6 +120,20 @@ def _columns(fields: Fields, report: Report) -> dict[str, Word | Text] | None:
     return columns
 
 
+@dataclass(frozen=True, eq=False)
+class Resolved:
+    """The regions in order of the spec, and their holes as one table.
+
+    `used` names the processes and tables that they use. `complete` is False when some holes could
+    not be read or selected, which has been reported.
+    """
+
+    regions: tuple[Region, ...]
+    holes: HoleTable
+    used: frozenset[str]
+    complete: bool
+
+
 def resolve_regions(
     statements: Sequence[Statement],
     skips: Sequence[Statement],
@@ -125,13 +141,9 @@ def resolve_regions(
     processes: Mapping[str, tuple[int, Process]],
     part: Part,
     report: Report,
-) -> tuple[tuple[Region, ...], HoleTable | None, set[str]]:
-    """Regions in order of the spec, and their holes as one table.
-
-    `tables` are those declared; None stands for one that could not be read. Also returns the names
-    of processes and tables that were used. Every hole of a table belongs to exactly one region,
-    unless a `skip` leaves it out.
-    """
+) -> Resolved:
+    """Resolve the regions and check their holes. Every hole of a table belongs to exactly one
+    region, unless a `skip` leaves it out. `tables`: None stands for one that could not be read."""
     used: set[str] = set()
     all_fields = [Fields(_once_per_key(s), report) for s in statements]
     selects = {
@@ -150,10 +162,12 @@ def resolve_regions(
             _check_rows(table, takers, part, report)
     parts: list[tuple[int, Source, RawHoles]] = []
     regions: list[Region] = []
-    start = 0
+    start, complete = 0, True
     for index, (statement, fields) in enumerate(zip(statements, all_fields, strict=True)):
         name, before = statement.name.text, len(report.diagnostics)
         pieces = _inline(statement, report)
+        unread = len(report.diagnostics) > before or (name in selects and name not in masks)
+        complete = complete and not unread
         for source, raw in pieces:
             check_raw(raw, source, report)
             check_normals(raw, source, part.unit_tolerance, report)
@@ -161,7 +175,6 @@ def resolve_regions(
         if selected is not None:
             pieces.append((selected.source, _rows(selected.holes, masks[name])))
         count = sum(len(raw.ids) for _, raw in pieces)
-        unread = len(report.diagnostics) > before or (name in selects and name not in masks)
         if count == 0 and not unread:
             report.error(
                 "E330",
@@ -180,11 +193,9 @@ def resolve_regions(
             )
         )
         start += count
-    if not parts:
-        return tuple(regions), None, used
     holes = gather(parts, part.normals_into)
     check_table(holes, regions, report)
-    return tuple(regions), holes, used
+    return Resolved(tuple(regions), holes, frozenset(used), complete)
 
 
 def _once_per_key(statement: Statement) -> Statement:

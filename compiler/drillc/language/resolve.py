@@ -10,15 +10,12 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
-import numpy as np
-
 from drillc.language.ast import Item, Quantity, Statement, Text, Value, Word
 from drillc.language.diagnostics import Label, Report
 from drillc.language.expectations import resolve_expects
 from drillc.language.fields import Fields, measure, of_type
 from drillc.language.job import (
     Emit,
-    HoleTable,
     Job,
     Named,
     Part,
@@ -79,9 +76,9 @@ def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
             "E209",
             "the spec has no region, so there is nothing to make",
             spec.span(0, 1),
-            hint="region NAME { posture …  process …  points mm { … } }",
+            hint="add: region NAME { posture …  process …  points mm { … } }",
         )
-    regions, holes, used = resolve_regions(
+    resolved = resolve_regions(
         region_statements,
         statements("skip"),
         tables,
@@ -89,16 +86,15 @@ def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
         part,
         report,
     )
-    _check_unused(spec.shown, processes, tables, used, report)
+    regions, holes = resolved.regions, resolved.holes
+    _check_unused(spec.shown, processes, tables, resolved.used, report)
     _check_machine(spec.shown, robot, tool, report)
     _check_rules(robot, regions, region_statements, report)
     if robot is None and part_statement is not None:
         _check_up(part_statement, regions, report)
     jump = _sequence(statements("sequence"), report)
     emits = _emits(statements("emit"), report)
-    if holes is None:
-        holes = _no_holes()
-    expects = resolve_expects(statements("expect"), holes, regions, robot, report)
+    expects = resolve_expects(statements("expect"), resolved, robot, report)
     report.stop_if_failed()
     assert program is not None
     return Job(
@@ -121,13 +117,6 @@ def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
 def _no_part(spec: Source) -> Part:
     """Stands in for a missing part, which is an error, so that the rest can be checked."""
     return Part(Named("", spec.span(0, 1)), None, True, DEFAULT_UNIT_TOLERANCE, None)
-
-
-def _no_holes() -> HoleTable:
-    none, rows = np.empty(0), np.empty(0, dtype=np.int32)
-    triples = np.empty((0, 3))
-    ids = np.empty(0, dtype="<U1")
-    return HoleTable(ids, triples, triples, none, none, rows, rows, rows, rows, ())
 
 
 #: Statements whose keyword is not what they declare.
@@ -215,7 +204,7 @@ def _check_unused(
     spec_shown: str,
     processes: Sequence[Process],
     tables: dict[str, Table | None],
-    used: set[str],
+    used: frozenset[str],
     report: Report,
 ) -> None:
     """What the spec itself declares and nothing uses; a cell file may hold more than needed."""
@@ -298,10 +287,14 @@ def _sequence(found: Sequence[Statement], report: Report) -> float | None:
     item = Fields(found[0], report).get("heading_jump") if found else None
     if item is None:
         return None
-    jump = measure(item.values[0], "angle", "heading_jump", report, above=0)
+    most = of_type(item.values[0], Quantity)
+    jump = measure(most, "angle", "heading_jump", report, above=0)
     if jump > math.pi:
         report.error(
-            "E206", "heading_jump must be at most 180 deg: no heading jumps farther", item.span
+            "E206",
+            f"heading_jump is {most.number} {most.unit}; it must be at most 180 deg, as far as any "
+            "heading jumps",
+            most.span,
         )
     return jump
 
@@ -320,6 +313,7 @@ def _emits(found: Sequence[Statement], report: Report) -> tuple[Emit, ...]:
                     f'"{key}" is given twice in emit {statement.name.text}',
                     item.key.span,
                     labels=[Label(seen[key].key.span, "first given here")],
+                    hint="remove one of them",
                 )
                 continue
             seen[key] = item

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -14,8 +13,9 @@ import numpy as np
 from drillc.language.ast import Text, Word
 from drillc.language.columns import numbers
 from drillc.language.diagnostics import NAMED_ROWS, Report
+from drillc.language.fields import did_you_mean
 from drillc.language.job import Floats, Ints
-from drillc.language.points import RawHoles
+from drillc.language.points import RawHoles, id_column
 from drillc.language.source import Source, Span
 from drillc.language.units import UNITS, Unit
 
@@ -59,6 +59,7 @@ class _Faults:
     source: Source
     delimiter: str
     seen: dict[str, int] = field(default_factory=dict)
+    more: dict[str, Span] = field(default_factory=dict)
 
     def add(
         self, code: str, line: int, message: str, hint: str | None = None, cell: int | None = None
@@ -70,12 +71,14 @@ class _Faults:
             if cell is not None:
                 start, end = _cell(self.source.text, start, self.delimiter, cell)
             self.report.error(code, message, self.source.span(start, end), hint=hint)
+        elif count == NAMED_ROWS + 1:
+            self.more[code] = self.source.span(*_row(self.source, line))
 
     def finish(self) -> None:
-        for code, count in self.seen.items():
-            if count > NAMED_ROWS:
-                more = f"{count - NAMED_ROWS:,} more of this kind in {self.source.shown}"
-                self.report.error(code, more, Span(self.source, 1, 1))
+        """Say how many more there are, at the first that was not named."""
+        for code, span in self.more.items():
+            more = f"and {self.seen[code] - NAMED_ROWS:,} more like this"
+            self.report.error(code, more, span)
 
 
 def read_table(spec: TableSpec, source: Source, report: Report) -> RawHoles | None:
@@ -121,7 +124,7 @@ def read_table(spec: TableSpec, source: Source, report: Report) -> RawHoles | No
             for row, code, what in found.bad:
                 line = line_numbers[row]
                 message = f"row {line}, column {title}: the {_SAID[key]} {what}"
-                faults.add(code, line, message, cell=place)
+                faults.add(code, line, message, _HINTS[code], place)
             blocks[key].append(found.values)
     faults.finish()
     if len(report.diagnostics) > before:
@@ -140,7 +143,7 @@ def _joined(
         return np.concatenate(parts) if parts else np.full(count, np.nan)
 
     return RawHoles(
-        ids=np.array(ids, dtype=np.str_) if ids else np.empty(0, dtype="<U1"),
+        ids=id_column(ids) if ids else np.empty(0, dtype="<U1"),
         position_mm=np.stack([column(key) for key in "xyz"], axis=1),
         normal=np.stack([column(key) for key in "ijk"], axis=1),
         diameter_mm=column("diameter"),
@@ -179,28 +182,40 @@ def _places(
 ) -> dict[str, int] | None:
     """Where each mapped column stands in the header."""
     titles = [title.strip() for title in header]
+    if len(titles) == 1:
+        found = [other for other in ",;\t|" if other in titles[0]]
+        delimiter = "\\t" if found == ["\t"] else "".join(found[:1]) or "…"
+        report.error(
+            "E314",
+            f'{source.shown} has but one column, "{titles[0][:60]}"',
+            spec.path.span,
+            hint=f'say what separates its cells: delimiter "{delimiter}"',
+        )
+        return None
     places: dict[str, int] = {}
     complete = True
     for key, written in spec.columns.items():
-        found = [i for i, title in enumerate(titles) if title == written.text]
-        if len(found) == 1:
-            places[key] = found[0]
+        same = [i for i, title in enumerate(titles) if title == written.text]
+        if len(same) == 1:
+            places[key] = same[0]
             continue
         complete = False
-        if found:
-            message = f'{source.shown} has {len(found)} columns called "{written.text}"'
+        if same:
+            message = f'{source.shown} has {len(same)} columns called "{written.text}"'
             report.error("E314", message, written.span, hint="give each column its own title")
             continue
-        near = difflib.get_close_matches(written.text, titles, 1)
-        hint = f'did you mean "{near[0]}"?' if near else f"it has {', '.join(titles[:20])}"
-        if len(titles) == 1 and not near:
-            hint += f'; is "{spec.delimiter}" the delimiter?'
-        report.error(
-            "E314", f'{source.shown} has no column "{written.text}"', written.span, hint=hint
-        )
+        hint = did_you_mean(written.text, titles)
+        message = f'{source.shown} has no column "{written.text}"'
+        report.error("E314", message, written.span, hint=hint)
     return places if complete else None
 
 
+_HINTS = {
+    "E315": "a cell is a number alone, such as -12.5; its unit is said once, by units",
+    "E316": "export the table with decimal points",
+    "E317": "mend the formula in the spreadsheet",
+    "E318": "give it a value, or leave the row out of the file",
+}
 _SAID = {
     "x": "position's x",
     "y": "position's y",

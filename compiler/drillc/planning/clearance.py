@@ -1,11 +1,14 @@
 """Whether the tool's point keeps out of the fixtures, and clear of the part on its travels.
 
 Only the tool centre point's path is checked: against fixtures between its standoff and its depth,
-and from standoff to standoff within a region (exactly); against the part from standoff to standoff
-(judged from the holes' normals, so a warning). The tool's body is not: that takes its shape.
+and from standoff to standoff within a region; against the part from standoff to standoff (judged
+from the holes' normals, so a warning). The tool's body is not: that takes its shape.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,24 +19,27 @@ from drillc.language.job import Box, Floats, Job
 from drillc.planning.bulge import arc_rise_mm, turned_rad
 
 
-def check_fixtures(job: Job, part_from_tool: Floats, depth_mm: Floats, report: Report) -> None:
-    """Report each hole whose plunge, or whose travel from its neighbour, enters a fixture."""
+def check_fixtures(
+    job: Job,
+    part_from_tool: Floats,
+    depth_mm: Floats,
+    between: Sequence[Floats],
+    report: Report,
+) -> None:
+    """Report each hole whose plunge, or whose travel from its neighbour, enters a fixture.
+
+    `between` are the points (n - 1, 3), in part coordinates, that the tool passes in straight lines
+    after it has left one hole's standoff and before it reaches the next one's.
+    """
     if not job.fixtures:
         return
-    axis = part_from_tool[:, :, 2]
-    arrive, leave = np.empty(len(depth_mm)), np.empty(len(depth_mm))
-    neighbours = np.zeros(len(depth_mm), dtype=np.bool_)
-    for region in job.regions:
-        process = job.processes[region.process]
-        arrive[region.start : region.stop] = process.approach_mm
-        leave[region.start : region.stop] = process.retract_mm
-        neighbours[region.start + 1 : region.stop] = True
-    position = job.holes.position_mm
-    outmost = position - axis * np.maximum(arrive, leave)[:, None]
+    axis, position = part_from_tool[:, :, 2], job.holes.position_mm
+    arrive_mm, leave_mm = standoffs_mm(job)
+    outmost = position - axis * np.maximum(arrive_mm, leave_mm)[:, None]
     bottom = position + axis * depth_mm[:, None]
-    standoff = position - axis * arrive[:, None]
-    exit_ = position - axis * leave[:, None]
-    before = np.vstack([exit_[:1], exit_[:-1]])
+    ends = position - axis * leave_mm[:, None], position - axis * arrive_mm[:, None]
+    way = [ends[0][:-1], *between, ends[1][1:]]
+    neighbours = job.holes.region[1:] == job.holes.region[:-1]
     holes = job.holes
     for fixture in job.fixtures:
         for box in fixture.boxes:
@@ -48,9 +54,12 @@ def check_fixtures(job: Job, part_from_tool: Floats, depth_mm: Floats, report: R
                 report,
                 label=lambda row, label=label: label,  # type: ignore[misc]
             )
+            hit = np.zeros(len(neighbours), dtype=np.bool_)
+            for start, end in pairwise(way):
+                hit |= enters(start, end, box)
             report_holes(
                 holes,
-                neighbours & enters(before, standoff, box),
+                np.flatnonzero(hit & neighbours) + 1,
                 "E361",
                 lambda row, name=fixture.name.text: (  # type: ignore[misc]
                     f"the travel from hole {holes.ids[row - 1]} to hole {holes.ids[row]} enters "
@@ -62,16 +71,22 @@ def check_fixtures(job: Job, part_from_tool: Floats, depth_mm: Floats, report: R
             )
 
 
+def standoffs_mm(job: Job) -> tuple[Floats, Floats]:
+    """How far before each hole (n,) the tool arrives, and how far it leaves."""
+    arrive, leave = np.empty(len(job.holes)), np.empty(len(job.holes))
+    for region in job.regions:
+        process = job.processes[region.process]
+        arrive[region.start : region.stop] = process.approach_mm
+        leave[region.start : region.stop] = process.retract_mm
+    return arrive, leave
+
+
 def check_travel(job: Job, part_from_tool: Floats, report: Report) -> None:
     """Warn where the straight way from a hole's standoff to the next one's may cut the part."""
     axis, position = part_from_tool[:, :, 2], job.holes.position_mm
     if len(axis) < 2:
         return
-    arrive, leave = np.empty(len(axis)), np.empty(len(axis))
-    for region in job.regions:
-        process = job.processes[region.process]
-        arrive[region.start : region.stop] = process.approach_mm
-        leave[region.start : region.stop] = process.retract_mm
+    arrive, leave = standoffs_mm(job)
     turned = turned_rad(axis)
     rise = arc_rise_mm(position, axis)
     # Both ends of the way stand off along their own normals, so their height over the chord is

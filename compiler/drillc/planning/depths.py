@@ -8,9 +8,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from drillc.language.diagnostics import Report
+from drillc.language.diagnostics import Label, Report
 from drillc.language.holes import report_holes
 from drillc.language.job import Countersink, Floats, Job, Region
+from drillc.language.operations import SMALLEST
 
 
 def plunge_depths(job: Job, report: Report) -> Floats:
@@ -34,24 +35,56 @@ def plunge_depths(job: Job, report: Report) -> Floats:
                 "E340",
                 lambda row: f"the depth asks for the stack, which hole {job.holes.ids[row]} lacks",
                 report,
-                "map it: columns { stack TITLE … }, or state the depth as a length",
+                "stacks are given by hole tables: columns { stack TITLE … }; or state the depth as "
+                "a length",
             )
             _report(
                 job,
                 region,
-                depth_mm[rows] <= 0,
+                depth_mm[rows] < SMALLEST,
                 "E341",
                 lambda row: (
                     f"hole {job.holes.ids[row]} would be {depth_mm[row]:g} mm deep "
                     f"(its stack is {job.holes.stack_mm[row]:g} mm)"
                 ),
                 report,
-                "the depth must be more than 0 mm",
+                f"the depth must be at least {SMALLEST:g} mm",
             )
         sink = job.processes[region.process].countersink
         if sink is not None:
             depth_mm[rows] += _sink_depths(job, region, sink, report)
+    _check_one_diameter(job, report)
     return depth_mm
+
+
+def _check_one_diameter(job: Job, report: Report) -> None:
+    """Warn where holes of several diameters are drilled: a program has one tool."""
+    drilled = np.concatenate(
+        [
+            np.arange(region.start, region.stop)
+            for region in job.regions
+            if job.processes[region.process].drill is not None
+        ]
+        or [np.empty(0, dtype=np.int64)]
+    )
+    drilled = drilled[np.isfinite(job.holes.diameter_mm[drilled])]
+    if not len(drilled):
+        return
+    diameter_mm = job.holes.diameter_mm[drilled]
+    other = drilled[np.flatnonzero(diameter_mm != diameter_mm[0])[:1]]
+    if not len(other):
+        return
+    first, row, holes = int(drilled[0]), int(other[0]), job.holes
+    different = np.unique(diameter_mm)
+    some = ", ".join(f"{value:g}" for value in different[:5])
+    report.warn(
+        "W344",
+        f"holes of {len(different)} diameters are drilled ({some}{' …' if len(different) > 5 else ''}"
+        f" mm) in a program that has one tool",
+        holes.span(row),
+        labels=[Label(holes.span(first), f"this one has {holes.diameter_mm[first]:g} mm")],
+        hint="make a spec for each tool, and skip the other holes there",
+    )
 
 
 def _sink_depths(job: Job, region: Region, sink: Countersink, report: Report) -> Floats:
@@ -71,7 +104,8 @@ def _sink_depths(job: Job, region: Region, sink: Countersink, report: Report) ->
             f"{job.holes.ids[row]} lacks"
         ),
         report,
-        "map it: columns { diameter TITLE … }, or write: countersink … by 1.5 mm",
+        "diameters are given by hole tables: columns { diameter TITLE … }; or write: "
+        "countersink … by 1.5 mm",
     )
     _report(
         job,

@@ -57,7 +57,8 @@ def check_expectations(
                 if there != count:
                     report.error(
                         "E504",
-                        f"region {job.regions[region].name.text} has {there:,} holes, "
+                        f"region {job.regions[region].name.text} has {there:,} "
+                        f"hole{'s' * (there != 1)}, "
                         f"{abs(there - count):,} {'more' if there > count else 'fewer'} than the "
                         f"{count:,} that are expected",
                         span,

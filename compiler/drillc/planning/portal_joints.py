@@ -1,7 +1,7 @@
-"""Job → joints of the riveting portal: the second seed's closed form, every limit, every height rule.
+"""Job → joints of the riveting portal: the second seed's closed form, limits and height rules.
 
-The plate's outward normal is brought to vertical (upward); the tool works along q6 from the side the
-spec states. Feasible means the whole cycle: standoffs and depth as well as the hole itself.
+The plate's outward normal is brought to vertical (upward); the tool works along q6 from the side
+the spec states. Feasible means the whole cycle: standoffs and depth as well as the hole itself.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ from drillc.language.diagnostics import Label, Report
 from drillc.language.holes import report_holes
 from drillc.language.job import Floats, Ints, Job, Limit, Portal
 from drillc.language.machine import PORTAL_JOINTS, ROTARY_JOINT
+from drillc.planning.clearance import standoffs_mm
 from drillc.planning.program import JointAxis, JointMotion
-from drillc.planning.travel import travel_height_mm
+from drillc.planning.travel import travel_height_mm, travel_points_mm
 
 #: Slack for comparing with a limit, so that a hole exactly on it passes.
 SLACK_MM = 1e-6
@@ -68,9 +69,7 @@ class _Reach:
 
 def solve_portal(job: Job, robot: Portal, depth_mm: Floats, report: Report) -> Solution | None:
     """Solve every hole, or report why not and return None."""
-    geometry = PortalGeometry(
-        robot.column_distance_mm, robot.column_height_mm, robot.hinge_inset_mm
-    )
+    geometry = _geometry(robot)
     before = len(report.diagnostics)
     alpha, beta = pointing(-job.holes.feed)
     _check_tilt(job, robot, geometry, alpha, report)
@@ -90,7 +89,7 @@ def solve_portal(job: Job, robot: Portal, depth_mm: Floats, report: Report) -> S
     _check_interval(job, robot, offs, reach, low, high, reachable, report)
     if len(report.diagnostics) > before:
         return None
-    height_mm = _heights(job, robot, geometry, offs, low, high, report)
+    height_mm = _heights(job, robot, geometry, offs, reach, low, high, report)
     if len(report.diagnostics) > before:
         return None
     q = joints(offs, q3, height_mm)
@@ -102,6 +101,16 @@ def solve_portal(job: Job, robot: Portal, depth_mm: Floats, report: Report) -> S
         np.ones(len(q), dtype=np.int32),
         _margins(robot, q, reach),
     )
+
+
+def travel_points(robot: Portal, solution: Solution) -> list[Floats]:
+    """The points (n - 1, 3), in part coordinates, that the tool passes between neighbours."""
+    motion = solution.motion
+    return travel_points_mm(_geometry(robot), motion.joints, motion.withdraw_mm, motion.feed_axis)
+
+
+def _geometry(robot: Portal) -> PortalGeometry:
+    return PortalGeometry(robot.column_distance_mm, robot.column_height_mm, robot.hinge_inset_mm)
 
 
 # ── what cannot be chosen: tilt, q3, q4, q5 ──────────────────────────────────────────────────────
@@ -120,12 +129,22 @@ def _check_tilt(
         return (
             f"hole {holes.ids[row]} cannot be brought upright: its normal's x is {nx:.4f}, so the "
             f"bar would tilt by α = {_deg(math.copysign(math.asin(min(1.0, abs(nx))), -nx))}; the "
-            f"columns allow ±{_deg(most)} (|nx| ≤ {math.sin(most):.4f}). The other solution, "
-            f"α = {_deg(other) if not math.isnan(other) else 'undefined'}, would turn the plate "
-            f"over, which needs |α| ≥ 90 deg"
+            f"columns allow ±{_deg(most)} (|nx| ≤ {math.sin(most):.4f}){turned_over(other)}"
         )
 
-    report_holes(holes, steep, "E401", message, report)
+    def turned_over(other: float) -> str:
+        if math.isnan(other):
+            return ""
+        return f"; the other solution, α = {_deg(other)}, would turn the plate over"
+
+    report_holes(
+        holes,
+        steep,
+        "E401",
+        message,
+        report,
+        hint=lambda row: "mount the plate otherwise on the bar: its normals must lean less along x",
+    )
     limit = robot.tilt_limit
     if limit is not None:
         outside = ~steep & ~((tilt >= limit.low) & (tilt <= limit.high))
@@ -138,6 +157,7 @@ def _check_tilt(
                 f"are {_deg(limit.low)} .. {_deg(limit.high)}"
             ),
             report,
+            hint=lambda row: _OTHERWISE,
             label=lambda row: _limit_label(limit),
         )
 
@@ -156,6 +176,7 @@ def _check_fixed_joints(
             f"its limits are {_deg(limit.low)} .. {_deg(limit.high)}"
         ),
         report,
+        hint=lambda row: _OTHERWISE,
         label=lambda row: _limit_label(limit),
     )
     for index, values in ((3, offs.q4_mm), (4, offs.q5_mm)):
@@ -170,6 +191,7 @@ def _check_fixed_joints(
                 f"{bounds.low:g} .. {bounds.high:g} mm"
             ),
             report,
+            hint=lambda row: _OTHERWISE,
             label=lambda row, bounds=bounds: _limit_label(bounds),  # type: ignore[misc]
         )
 
@@ -215,7 +237,14 @@ def _check_interval(
         )
 
     empty = np.asarray(reachable & (low > high + SLACK_MM))
-    report_holes(holes, empty, "E405", message, report)
+    report_holes(
+        holes,
+        empty,
+        "E405",
+        message,
+        report,
+        hint=lambda row: "mount the plate otherwise; or approach and retract less far",
+    )
 
 
 def _heights(
@@ -223,6 +252,7 @@ def _heights(
     robot: Portal,
     geometry: PortalGeometry,
     offs: Offsets,
+    reach: _Reach,
     low: Floats,
     high: Floats,
     report: Report,
@@ -249,13 +279,22 @@ def _heights(
 
     def message(row: int) -> str:
         q6 = height + offs.lift_mm[row]
-        q1, q2 = height + offs.delta_mm[row], height - offs.delta_mm[row]
+        moves = {
+            "q1": (height + offs.delta_mm[row],) * 2,
+            "q2": (height - offs.delta_mm[row],) * 2,
+            "q6": (q6 - reach.below_mm[row], q6 + reach.above_mm[row]),
+        }
+        limits = dict(zip(PORTAL_JOINTS, robot.limits, strict=True))
+        outside = [
+            f"{name} at {_said_move(*moves[name])}, outside {_m(limits[name].low)} .. "
+            f"{_m(limits[name].high)}"
+            for name in moves
+            if moves[name][0] < limits[name].low - SLACK_MM
+            or moves[name][1] > limits[name].high + SLACK_MM
+        ]
         return (
-            f"{said} (h = {_m(height)}) does not serve hole {holes.ids[row]}: it puts q1 at "
-            f"{_m(q1)}, q2 at {_m(q2)} and q6 at {_m(q6)} (limits {_m(robot.limits[0].low)} .. "
-            f"{_m(robot.limits[0].high)}, {_m(robot.limits[1].low)} .. "
-            f"{_m(robot.limits[1].high)}, {_m(robot.limits[5].low)} .. "
-            f"{_m(robot.limits[5].high)}); any h in {_interval(low[row], high[row])} would do"
+            f"{said} (h = {_m(height)}) does not serve hole {holes.ids[row]}: it puts "
+            f"{' and '.join(outside)}; any h in {_interval(low[row], high[row])} would do"
         )
 
     report_holes(
@@ -293,13 +332,9 @@ def _motion(
     that may not keep it clear of the plate in between, and before the first hole of a region, when
     the way is long or nobody knows how the part stands, it withdraws as far as it can."""
     sign: int = 1 if robot.side == "below" else -1
-    approach, retract = np.empty(len(q)), np.empty(len(q))
-    first = np.zeros(len(q), dtype=np.bool_)
-    for region in job.regions:
-        process = job.processes[region.process]
-        approach[region.start : region.stop] = process.approach_mm
-        retract[region.start : region.stop] = process.retract_mm
-        first[region.start : region.start + 1] = True
+    approach, retract = standoffs_mm(job)
+    first = np.ones(len(q), dtype=np.bool_)
+    first[1:] = job.holes.region[1:] != job.holes.region[:-1]
     arrive = q[:, _FEED_AXIS] - sign * approach
     leave = q[:, _FEED_AXIS] - sign * retract
     withdraw = arrive.copy()
@@ -325,6 +360,9 @@ def _margins(robot: Portal, q: Floats, reach: _Reach) -> Floats:
     return np.asarray(np.maximum(margin, 0.0))
 
 
+_OTHERWISE = "widen the limits if the machine can; else mount the part otherwise"
+
+
 def _limit_label(limit: Limit) -> Label | None:
     return None if limit.span is None else Label(limit.span, "the limit")
 
@@ -334,7 +372,12 @@ def _deg(angle_rad: float) -> str:
 
 
 def _m(length_mm: float) -> str:
-    return f"{length_mm / 1000:.4f} m"
+    return f"{round(length_mm / 1000, 4) + 0.0:.10g} m"
+
+
+def _said_move(low_mm: float, high_mm: float) -> str:
+    """Where a joint stands, or between what it moves in the course of the cycle."""
+    return _m(low_mm) if low_mm == high_mm else f"{_m(low_mm)} .. {_m(high_mm)}"
 
 
 def _interval(low_mm: float, high_mm: float) -> str:
@@ -344,4 +387,4 @@ def _interval(low_mm: float, high_mm: float) -> str:
     low, high = math.ceil((low_mm - SLACK_MM) * 100), math.floor((high_mm + SLACK_MM) * 100)
     if low > high:
         return f"[{low_mm / 1000:.9g}, {high_mm / 1000:.9g}] m"
-    return f"[{low / 100_000:.5f}, {high / 100_000:.5f}] m"
+    return f"[{low / 1e5:.10g}, {high / 1e5:.10g}] m"

@@ -136,7 +136,10 @@ def _report_open(
             f"perpendicular to the horizontal direction there"
         ),
         report,
-        hint=lambda row: f"choose another direction: posture {axis} horizontal toward …",
+        hint=lambda row: (
+            f"choose another direction: posture {axis} horizontal toward "
+            f"{_suggest_sense(job, holes.feed[row])}"
+        ),
         label=lambda row: label,
     )
 
@@ -144,3 +147,9 @@ def _report_open(
 def _suggest(feed: Floats) -> str:
     """The signed axis that is most nearly perpendicular to a feed direction."""
     return "+" + "XYZ"[int(np.argmin(np.abs(feed)))]
+
+
+def _suggest_sense(job: Job, feed: Floats) -> str:
+    """The signed axis that is most nearly along the horizontal at a feed direction."""
+    assert job.part.up is not None
+    return "+" + "XYZ"[int(np.argmax(np.abs(np.cross(job.part.up, feed))))]

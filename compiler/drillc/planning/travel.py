@@ -36,13 +36,33 @@ def travel_height_mm(
         both = slice(rows.start, rows.stop + 1)
         rise = greatest_rise_mm(position_mm[both], tool_axis[both])
         for share in SHARES:
-            q = (1.0 - share) * joints[rows] + share * joints[after]
-            q[:, feed_axis] = withdraw_mm[after]
-            base_from_part, origin_mm, tool_mm = forward(geometry, q)
-            tool_in_part = np.einsum("nji,nj->ni", base_from_part, tool_mm - origin_mm)
+            tool = tool_in_part_mm(geometry, joints[both], withdraw_mm[both], feed_axis, share)
             plate = (1.0 - share) * position_mm[rows] + share * position_mm[after]
             axis = (1.0 - share) * tool_axis[rows] + share * tool_axis[after]
             axis /= np.maximum(np.linalg.norm(axis, axis=1), 1e-9)[:, None]
-            height = np.einsum("ij,ij->i", plate - tool_in_part, axis) - rise
+            height = np.einsum("ij,ij->i", plate - tool, axis) - rise
             least[rows] = np.minimum(least[rows], height)
     return least
+
+
+def tool_in_part_mm(
+    geometry: PortalGeometry, joints: Floats, withdraw_mm: Floats, feed_axis: int, share: float
+) -> Floats:
+    """Where the tool is (n - 1, 3), in part coordinates, when `share` of each travel between
+    neighbours is done: the feed joint rests at the next hole's `withdraw_mm` (n,) while the others,
+    of joints (n, 6), move in proportion."""
+    q = (1.0 - share) * joints[:-1] + share * joints[1:]
+    q[:, feed_axis] = withdraw_mm[1:]
+    base_from_part, origin_mm, tool_mm = forward(geometry, q)
+    return np.asarray(np.einsum("nji,nj->ni", base_from_part, tool_mm - origin_mm))
+
+
+def travel_points_mm(
+    geometry: PortalGeometry, joints: Floats, withdraw_mm: Floats, feed_axis: int
+) -> list[Floats]:
+    """The points (n - 1, 3) that the tool passes between neighbours, from where it has withdrawn
+    from one hole to where it stands under the next."""
+    return [
+        tool_in_part_mm(geometry, joints, withdraw_mm, feed_axis, share)
+        for share in (0.0, *SHARES, 1.0)
+    ]
