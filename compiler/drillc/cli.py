@@ -231,7 +231,10 @@ def _bug(error: Exception) -> int:
     """A bug in drillc or in a plug-in: say so without a traceback, unless one is asked for."""
     if os.environ.get("DRILLC_TRACEBACK"):
         raise error
-    print(f"drillc: internal error: {type(error).__name__}: {error}", file=sys.stderr)
+    from drillc.language.diagnostics import printable
+
+    said = printable(" ".join(str(error).split()))
+    print(f"drillc: internal error: {type(error).__name__}: {said}", file=sys.stderr)
     print(
         "This is a bug, not a mistake in the spec; no output was touched. "
         "DRILLC_TRACEBACK=1 shows where.",

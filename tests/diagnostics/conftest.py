@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from diagnostics.running import FINE, TOOL, Bench
 from drillc.cli import main
-
-from diagnostics.running import FINE, Bench
 
 
 @pytest.fixture(scope="session")
@@ -16,6 +14,7 @@ def earlier_output(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What an earlier, successful run wrote."""
     folder = tmp_path_factory.mktemp("earlier")
     (folder / "fine.drill").write_text(FINE, encoding="utf-8")
+    (folder / "tool.cell").write_text(TOOL, encoding="utf-8")
     assert main(["compile", str(folder / "fine.drill"), "-o", str(folder / "out")]) == 0
     assert len(list((folder / "out").iterdir())) > 1
     return folder / "out"
@@ -27,8 +26,8 @@ def bench(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     earlier_output: Path,
-) -> Iterator[Bench]:
+) -> Bench:
     folder = tmp_path / "job"
     folder.mkdir()
     monkeypatch.chdir(folder)
-    yield Bench(folder, capsys, earlier_output)
+    return Bench(folder, capsys, earlier_output)

@@ -13,13 +13,17 @@ from drillc.cli import main
 CASES = Path(__file__).parent / "cases"
 EXPECTED = "expected.txt"
 MENDED = "mended.drill"
-#: A spec that compiles without a message, for the output that must survive.
+#: A spec and its tool, compiled without a message: the output that must survive.
 FINE = """drill 1
-program FINE
-tool t { number 1  tcp (0, 0, 100) mm }
-part p { up +Z  normals into }
+program BEFORE
+use "tool.cell"
+part p { up +Z  normals into  frame 1 at (0, 0, 0) mm }
 region r { posture x toward +X  points mm { P1 (1, 2, 3) normal (0, 0, -1) } }
 emit krl
+emit rapid
+"""
+TOOL = """drill 1
+tool t { number 1  tcp (0, 0, 100) mm  mass 5 kg  cog (0, 0, 50) mm }
 """
 
 

@@ -12,7 +12,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-
 from diagnostics.running import CASES, EXPECTED, MENDED, Bench
 
 ALL = sorted(path for path in CASES.iterdir() if path.is_dir())
@@ -58,7 +57,7 @@ def test_the_hint_mends_it(case: Path, bench: Bench) -> None:
     assert (case / MENDED).read_bytes() != (case / "spec.drill").read_bytes()
 
 
-def test_the_carets_stand_under_the_line(request: pytest.FixtureRequest) -> None:
+def test_the_carets_stand_under_the_line() -> None:
     """Every message has a place, and every caret line fits the source line above it."""
     for case in ALL:
         lines = (case / EXPECTED).read_text(encoding="utf-8").splitlines()

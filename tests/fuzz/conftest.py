@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
-
 from fuzz.judging import Bench
 
 _BENCHES: list[Bench] = []
 
 
 @pytest.fixture(scope="session")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     made = Bench(tmp_path_factory.mktemp("fuzz"))
     _BENCHES.append(made)
-    yield made
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -126,11 +126,15 @@ def _used(name: str, files: Mapping[str, bytes]) -> dict[str, bytes]:
 
 _TOKEN = re.compile(r'"[^"\n]*"|#[^\n]*|[^\W\d]\w*|[+-]?\d[\d.]*(?:[eE][+-]?\d+)?|\s+|.', re.DOTALL)
 _NUMBER = re.compile(r"(?<![\w.])[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
-_UNIT = re.compile(r"(?<=[\d)}] )(?:mm/rev|mm/min|mm/s|m/min|m/s|deg/s|mm|um|cm|m|inch|rpm|deg|rad)\b")
+_UNIT = re.compile(
+    r"(?<=[\d)}] )(?:mm/rev|mm/min|mm/s|m/min|m/s|deg/s|mm|um|cm|m|inch|rpm|deg|rad)\b"
+)
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _STRING = re.compile(r'"[^"\n]*"')
 _EXPECT = re.compile(r"^expect [^\n]*\n", re.MULTILINE)
-_QUANTITY = re.compile(r"[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?= (?:mm|um|m|deg|rpm|s|ms|N|kN|kg|rad|%)\b)")
+_QUANTITY = re.compile(
+    r"[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?= (?:mm|um|m|deg|rpm|s|ms|N|kN|kg|rad|%)\b)"
+)
 
 
 def _some_file(tree: Tree, rng: random.Random, suffixes: str = "drill cell csv") -> str:
@@ -147,7 +151,11 @@ def _tokens(tree: Tree, name: str) -> list[str]:
 
 
 def _replace(
-    tree: Tree, rng: random.Random, pattern: re.Pattern[str], new: Callable[[str], str], suffixes: str
+    tree: Tree,
+    rng: random.Random,
+    pattern: re.Pattern[str],
+    new: Callable[[str], str],
+    suffixes: str,
 ) -> None:
     """Replace one match of `pattern`, or now and then each with a small chance."""
     name = _some_file(tree, rng, suffixes)
@@ -226,20 +234,22 @@ def damage_lines(tree: Tree, rng: random.Random) -> None:
 
 # ── numbers, units, words ────────────────────────────────────────────────────────────────────────
 
-NASTY_NUMBERS = (
-    "0 -0 -0.0 +0 0.0000001 -0.0004 -0.00000001 1 -1 1e308 -1e308 1.7976931348623157e308 1e309 1e-320"
-    " 5e-324 1e-400 nan NaN -nan inf -inf Infinity 1e999999999 1e-999999999 -1e999999999"
-    " 1e99999999999999999999 0e99999999999999999999 1,5 1.5.5 1..2 .5 5. . 0x10 1_000 1e 1e+ ++1 --1"
-    " 00012 9007199254740993 999999 1000000 1000000.0000001 0.9999999999999999 360 180 90 -90 1e6 1e9"
-    " 1e-9 1e-3 0.0005 0.00049999 ١٢ ² ½ 1²"
-).split()
-UNITS = "mm um cm m inch rad deg s ms min mm/s m/s mm/min m/min rpm mm/rev deg/s rad/s N kN kg %".split()
+NASTY_NUMBERS = """
+    0 -0 -0.0 +0 0.0000001 -0.0004 -0.00000001 1 -1 1e308 -1e308 1.7976931348623157e308 1e309
+    1e-320 5e-324 1e-400 nan NaN -nan inf -inf Infinity 1e999999999 1e-999999999 -1e999999999
+    1e99999999999999999999 0e99999999999999999999 1,5 1.5.5 1..2 .5 5. . 0x10 1_000 1e 1e+ ++1
+    --1 00012 9007199254740993 999999 1000000 1000000.0000001 0.9999999999999999 360 180 90
+    -90 1e6 1e9 1e-9 1e-3 0.0005 0.00049999 ١٢ ² ½ 1²
+""".split()  # noqa: SIM905 (a table of words)
+UNITS = """
+    mm um cm m inch rad deg s ms min mm/s m/s mm/min m/min rpm mm/rev deg/s rad/s N kN kg %
+""".split()  # noqa: SIM905 (a table of words)
 #: Names that some controller, or drillc itself, could take amiss.
-NASTY_NAMES = (
-    "nan inf None self hole region x X _ __class__ DEF END def M2 O100 o100 main PROC MODULE ENDMODULE"
-    " visit Visit program krl HOLE POS E6POS robtarget tool0 wobj0 IN $IN A1 q1 e1 com1 CON aux NUL"
-    " manifest names drillc"
-).split()
+NASTY_NAMES = """
+    nan inf None self hole region x X _ __class__ DEF END def M2 O100 o100 main PROC MODULE
+    ENDMODULE visit Visit program krl HOLE POS E6POS robtarget tool0 wobj0 IN $IN A1 q1 e1
+    com1 CON aux NUL manifest names drillc
+""".split()  # noqa: SIM905 (a table of words)
 
 
 def nasty_number(tree: Tree, rng: random.Random) -> None:
@@ -278,7 +288,9 @@ def other_quantity(tree: Tree, rng: random.Random) -> None:
     def new(old: str) -> str:
         factor = rng.choice((0.001, 0.01, 0.1, 0.5, 0.9, 1.0001, 1.5, 3, 10, 100, 10_000, -1))
         if rng.random() < 0.2:
-            return rng.choice(("1e-7", "0.0004", "0.0005", "1e-12", "0.001", "99999", "1e6", "0.05"))
+            return rng.choice(
+                ("1e-7", "0.0004", "0.0005", "1e-12", "0.001", "99999", "1e6", "0.05")
+            )
         return f"{float(old) * factor:.10g}"
 
     _replace(tree, rng, _QUANTITY, new, "drill cell")
@@ -286,12 +298,14 @@ def other_quantity(tree: Tree, rng: random.Random) -> None:
 
 #: Words that may stand in each other's place.
 _FAMILIES = (
-    ("below", "above"), ("centre", "widest_margin", "least_travel"), ("into", "outward"), ("x", "y"),
-    ("+X", "-X", "+Y", "-Y", "+Z", "-Z"), ("krl", "rapid", "gcode"), ("output", "input", "analog"),
-    ("q1", "q2", "q3", "q4", "q5", "q6"), ("U", "V", "W", "X", "Y", "Z", "A", "B", "C", "E1", "A6", "eax_a"),
-    ("and", "or"), ("<", "<=", ">", ">=", "==", "!="), ("spindle_running", "released", "clamp_force"),
+    ("below", "above"), ("centre", "widest_margin", "least_travel"), ("into", "outward"),
+    ("x", "y"), ("+X", "-X", "+Y", "-Y", "+Z", "-Z"), ("krl", "rapid", "gcode"),
+    ("output", "input", "analog"), ("q1", "q2", "q3", "q4", "q5", "q6"),
+    ("U", "V", "W", "X", "Y", "Z", "A", "B", "C", "E1", "A6", "eax_a"), ("and", "or"),
+    ("<", "<=", ">", ">=", "==", "!="), ("spindle_running", "released", "clamp_force"),
     ("dwell 1 s", "peck 2 mm", "clamp timeout 1 s", "rivet timeout 1 s", "clearance 1 mm", ""),
-    ("euler xyz", "euler zyx", "euler zyz"), ("drill48", "spot", "touch", "csk", "rivet5", "visit"),
+    ("euler xyz", "euler zyx", "euler zyz"),
+    ("drill48", "spot", "touch", "csk", "rivet5", "visit"),
 )  # fmt: skip
 
 
@@ -325,7 +339,11 @@ def other_word(tree: Tree, rng: random.Random) -> None:
         match rng.randrange(5):
             case 0:
                 at = rng.randrange(len(old))
-                return old[:at] + rng.choice(("", "x", old[at] * 2, old[at].swapcase())) + old[at + 1 :]
+                return (
+                    old[:at]
+                    + rng.choice(("", "x", old[at] * 2, old[at].swapcase()))
+                    + old[at + 1 :]
+                )
             case 1:
                 return rng.choice(NASTY_NAMES)
             case 2:
@@ -342,7 +360,9 @@ def rename_everywhere(tree: Tree, rng: random.Random) -> None:
     if not words:
         return
     old = rng.choice(words)
-    new = rng.choice((rng.choice(NASTY_NAMES), old + "_" * 30, old * 9, rng.choice(words), old.upper()))
+    new = rng.choice(
+        (rng.choice(NASTY_NAMES), old + "_" * 30, old * 9, rng.choice(words), old.upper())
+    )
     for name in tree.files:
         tree.put(name, re.sub(rf"\b{old}\b", lambda _: new, tree.text(name)))
 
@@ -350,10 +370,11 @@ def rename_everywhere(tree: Tree, rng: random.Random) -> None:
 # ── characters and bytes ─────────────────────────────────────────────────────────────────────────
 
 _STRANGE = (
-    *"\0\x01\x02\x07\x08\x0b\x0c\x1a\x1b\x1c\x7f\x85\xa0!;%)(}{\"'`\\$\t\r\n,.-+/*#",
-    "\r\n", "\n\n", "é", "α", "…", "\u2028", "\u2029", "\u202e", "\u200b", "\ufeff", "\ufffd",
-    "\U0001f916", "\ud800", "\udcff", "\udcc3\udc28", "\udcff\udcfe", "\x1b[31m", "{{ 1 }}", "{% x %}",
-    "{#", "%s", "%(a)s", "%d%n", "${x}", "\x01Slot0\x02", "\x01Body0\x02", "%%", ");", "; HALT", "!x",
+    *"\0\x01\x02\x07\x08\x0b\x0c\x1a\x1b\x1c\x7f\x85\xa0!;%)(}{\"'`\\$\t\r\n,.-+/*#", "\r\n",
+    "\n\n", "é", "α", "…", "\u2028", "\u2029", "\u202e", "\u200b", "\ufeff", "\ufffd",
+    "\U0001f916", "\ud800", "\udcff", "\udcc3\udc28", "\udcff\udcfe", "\x1b[31m", "{{ 1 }}",
+    "{% x %}", "{#", "%s", "%(a)s", "%d%n", "${x}", "\x01Slot0\x02", "\x01Body0\x02", "%%", ");",
+    "; HALT", "!x",
 )  # fmt: skip
 
 
@@ -414,16 +435,20 @@ def nest(tree: Tree, rng: random.Random) -> None:
     tree.put(name, "".join(tokens))
 
 
+_THINGS = (
+    " ", "\n", "\t \n", "#", "# note\n", "a", "A.", "9", "0", "-", "- ", "not ", "(", "x ", ", ",
+    ",", ";", "1 mm ", "rotate z 1 deg ", "or id == \"F1\" ", "and x > 1 mm ", "(1,2,3) ",
+    "P (1,2,3) ", "normal ", '"" ', '"', "}", "{ ", "points mm { } ", "emit krl ", "a a ", "é",
+    "1 (", "p(1,1,1)normal",
+)  # fmt: skip
+
+
 def long_stretch(tree: Tree, rng: random.Random) -> None:
     """One thing written very often: blanks, a comment, an id, words of a condition."""
     name = _some_file(tree, rng)
     tokens = _tokens(tree, name) or [" "]
     at, times = rng.randrange(len(tokens)), rng.choice((10, 300, 3000, 30_000))
-    thing = rng.choice((
-        " ", "\n", "\t \n", "#", "# note\n", "a", "A.", "9", "0", "-", "- ", "not ", "(", "x ", ", ", ",",
-        ";", "1 mm ", "rotate z 1 deg ", "or id == \"F1\" ", "and x > 1 mm ", "(1,2,3) ", "P (1,2,3) ",
-        "normal ", '"" ', '"', "}", "{ ", "points mm { } ", "emit krl ", "a a ", "é", "1 (", "p(1,1,1)normal",
-    ))  # fmt: skip
+    thing = rng.choice(_THINGS)
     tokens.insert(at, thing * times)
     tree.put(name, "".join(tokens))
 
@@ -461,10 +486,11 @@ def many_holes(tree: Tree, rng: random.Random) -> None:
 # ── tables ───────────────────────────────────────────────────────────────────────────────────────
 
 _CELLS = (
-    "", " ", "#REF!", "#DIV/0!", "1,5", "1.234,5", "nan", "NaN", "inf", "-inf", "1e308", "1e-320", "1e999",
-    "1e999999999", "=1+1", "=cmd|' /C calc'!A0", '"', '""', '"a', 'a"b', "'1", "1 mm", "\t1", "1\xa0", "0",
-    "-0", "F1", "F.1", "F 1", "F/1", "-F", "é", "\u0661", "+1", "1_0", "TRUE", "1;2", "1\n2", '"1\n2"',
-    "x" * 70, "9" * 400, "9" * 200_000, "F1\x00", "F1\x1b[2J", "1e", "0x1p3", "--1", "1-2", "{{ 7*7 }}",
+    "", " ", "#REF!", "#DIV/0!", "1,5", "1.234,5", "nan", "NaN", "inf", "-inf", "1e308", "1e-320",
+    "1e999", "1e999999999", "=1+1", "=cmd|' /C calc'!A0", '"', '""', '"a', 'a"b', "'1", "1 mm",
+    "\t1", "1\xa0", "0", "-0", "F1", "F.1", "F 1", "F/1", "-F", "é", "\u0661", "+1", "1_0",
+    "TRUE", "1;2", "1\n2", '"1\n2"', "x" * 70, "9" * 400, "9" * 200_000, "F1\x00", "F1\x1b[2J",
+    "1e", "0x1p3", "--1", "1-2", "{{ 7*7 }}",
 )  # fmt: skip
 
 
@@ -514,22 +540,22 @@ def damage_columns(tree: Tree, rng: random.Random) -> None:
 # ── paths ────────────────────────────────────────────────────────────────────────────────────────
 
 _PATHS = (
-    "", " ", ".", "..", "/", "../x.csv", "../../../../etc/passwd", "/etc/passwd", "/dev/null", "/dev/zero",
-    "/dev/stdin", "/proc/self/mem", "~", "~/x", "a/../../b", "./{spec}", "{spec}", "//x", "\\\\host\\x",
-    "C:\\x.csv", "C:x", "c:/x", "link", "loop", "folder", "folder/", "pipe", "none.csv", "none/none", "x\t",
-    "a" * 300, "a/" * 3000, "é.csv", "con", "file:///etc/passwd", "http://127.0.0.1/x", "*", "?", "$HOME",
-    "cells", "cells/.", "link/passwd", "dangling", "out/manifest.json", "unreadable", "x;y", "%s", ".\u202e",
+    "", " ", ".", "..", "/", "../x.csv", "../../../../etc/passwd", "/etc/passwd", "/dev/null",
+    "/dev/zero", "/dev/stdin", "/proc/self/mem", "~", "~/x", "a/../../b", "./{spec}", "{spec}",
+    "//x", "\\\\host\\x", "C:\\x.csv", "C:x", "c:/x", "link", "loop", "folder", "folder/", "pipe",
+    "none.csv", "none/none", "x\t", "a" * 300, "a/" * 3000, "é.csv", "con", "file:///etc/passwd",
+    "http://127.0.0.1/x", "*", "?", "$HOME", "cells", "cells/.", "link/passwd", "dangling",
+    "out/manifest.json", "unreadable", "x;y", "%s", ".\u202e",
 )  # fmt: skip
 
 
 def nasty_path(tree: Tree, rng: random.Random) -> None:
     """A path in the spec exchanged for one that is hostile, missing or no file."""
-    tree.others |= {
-        "link": "link /etc", "loop": "link loop", "dangling": "link nowhere", "folder": "folder",
-        "pipe": "pipe",
-    }  # fmt: skip
+    tree.others |= {"link": "link /etc", "loop": "link loop", "dangling": "link nowhere"}
+    tree.others |= {"folder": "folder", "pipe": "pipe"}
     written = rng.choice(_PATHS).replace("{spec}", tree.spec)
-    _replace(tree, rng, re.compile(r'"[^"\n]*\.(?:csv|cell)"'), lambda _: f'"{written}"', "drill cell")
+    paths = re.compile(r'"[^"\n]*\.(?:csv|cell)"')
+    _replace(tree, rng, paths, lambda _: f'"{written}"', "drill cell")
 
 
 def lose_file(tree: Tree, rng: random.Random) -> None:
@@ -540,7 +566,9 @@ def lose_file(tree: Tree, rng: random.Random) -> None:
         case 0:
             tree.files[name] = b""
         case 1:
-            tree.files[name] = rng.choice((b"\n", b"\xef\xbb\xbf", b"\0", b"drill 1", b"drill", b"#"))
+            tree.files[name] = rng.choice(
+                (b"\n", b"\xef\xbb\xbf", b"\0", b"drill 1", b"drill", b"#")
+            )
         case 2:
             tree.others[name] = rng.choice(("folder", "pipe", f"link {name}", "link /dev/zero"))
         case 3:

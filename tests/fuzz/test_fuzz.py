@@ -8,7 +8,6 @@ A failure names its seed: `pytest tests/fuzz --fuzz-seed 1234` runs that case al
 from __future__ import annotations
 
 import pytest
-
 from fuzz.judging import Bench
 from fuzz.mutations import case_of
 

@@ -14,15 +14,12 @@ from drillc.language.parser import (
     MAX_STRUCTURE_CHARACTERS,
     MAX_SYNTAX_ERRORS,
 )
-
 from language.texts import codes, only, parsed, spots
 
 GRAMMAR = (Path(__file__).parents[2] / "grammars" / "drill.lark").read_text()
 _RULES = re.sub(r"//[^\n]*", "", GRAMMAR)
 #: Every word in quotes of the grammar, and those with a terminal of their own.
-KEYWORDS = sorted(
-    {word for word in re.findall(r'"([A-Za-z_]+)"', _RULES) if word.isidentifier()}
-)
+KEYWORDS = sorted({word for word in re.findall(r'"([A-Za-z_]+)"', _RULES) if word.isidentifier()})
 
 
 def test_the_keywords_were_found() -> None:
@@ -67,7 +64,9 @@ def test_a_word_that_begins_with_a_keyword_is_none(word: str, tail: str) -> None
         assert spots(report) == [(codes(report)[0], 2, 26)]
 
 
-@pytest.mark.parametrize("name", ["7-a", "7", "A.1:2/3-b", "depth", "normal", "1e5", "_", "x", "-1"])
+@pytest.mark.parametrize(
+    "name", ["7-a", "7", "A.1:2/3-b", "depth", "normal", "1e5", "_", "x", "-1"]
+)
 def test_hole_ids(name: str) -> None:
     spec, report = parsed(f"drill 1\nexpect {name} at (1, 2, 3) mm within 1 mm\n")
     if name == "-1":
@@ -97,14 +96,14 @@ def test_numbers_and_ranges() -> None:
 
 def test_comments_stand_anywhere_and_may_hold_anything() -> None:
     spec, report = parsed(
-        "# before { ( \" region\ndrill # between\n 1 # }\n"
-        "region r # { \"\n { # }\n process # tool t {\n p } # the end without a newline"
+        '# before { ( " region\ndrill # between\n 1 # }\n'
+        'region r # { "\n { # }\n process # tool t {\n p } # the end without a newline'
     )
     # The version must be on the line of its word.
     assert spec is None
     assert codes(report) == ["E104"]
     spec, report = parsed(
-        "# before { ( \" region\ndrill 1 # }\nregion r # { \"\n { # }\n"
+        '# before { ( " region\ndrill 1 # }\nregion r # { "\n { # }\n'
         "process # tool t {\n p } # µ – the end without a newline"
     )
     assert spec is not None, [d.message for d in report.diagnostics]
@@ -261,7 +260,9 @@ def test_points_do_not_count_as_structure() -> None:
 
 # ── messages ─────────────────────────────────────────────────────────────────────────────────────
 
-TERMINALS = [t.name for t in parser._parser().terminals if t.name not in parser._parser().ignore_tokens]
+TERMINALS = [
+    t.name for t in parser._parser().terminals if t.name not in parser._parser().ignore_tokens
+]
 
 
 @pytest.mark.parametrize("name", [*TERMINALS, "$END"])

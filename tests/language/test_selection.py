@@ -1,5 +1,4 @@
-"""`where`: what the language says of and, or, not, evaluated on columns and, row by row, in Python.
-"""
+"""`where`: and, or, not and comparisons, evaluated on columns and, row by row, in Python."""
 
 from __future__ import annotations
 
@@ -18,7 +17,6 @@ from drillc.language.points import RawHoles
 from drillc.language.selection import select
 from hypothesis import given
 from hypothesis import strategies as st
-
 from language.texts import codes, parsed
 
 Row = dict[str, object]
@@ -104,7 +102,9 @@ def leaves(draw: st.DrawFn) -> Written:
     if kind == "between":
         low, high = sorted(draw(st.tuples(*[st.sampled_from(sorted(VALUES))] * 2)), key=VALUES.get)
         return Written(
-            f"{column} in {low} .. {high}", 3, lambda row: VALUES[low] <= row[column] <= VALUES[high]
+            f"{column} in {low} .. {high}",
+            3,
+            lambda row: VALUES[low] <= row[column] <= VALUES[high],
         )
     sign, value = draw(st.sampled_from(sorted(OPERATORS))), draw(st.sampled_from(sorted(VALUES)))
     return Written(
@@ -239,7 +239,7 @@ def test_like_knows_sets_and_is_case_sensitive() -> None:
 
 @pytest.mark.parametrize("terms", [2000])
 def test_many_terms_do_not_nest(terms: int) -> None:
-    """a or b or … is one list, not a tree as deep as it is long: Python's stack is not the limit."""
+    """a or b or … is one list, not a tree as deep as it is long; so Python's stack is no limit."""
     text = " or ".join(f'id == "F{i}"' for i in range(terms))
     assert selected(text, [GIVEN, GIVEN | {"id": f"F{terms - 1}"}, GIVEN | {"id": "T"}]) == [
         True,

@@ -17,7 +17,6 @@ from drillc.language.source import Span
 from drillc.language.units import UNITS, convert
 from hypothesis import example, given
 from hypothesis import strategies as st
-
 from language.texts import codes, in_memory, parsed
 
 GRAMMAR = Path(__file__).parents[2] / "grammars" / "drill.lark"

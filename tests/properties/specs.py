@@ -152,7 +152,7 @@ TOOL = "tool ee { number 3 tcp (-350, 0, 250) mm rotate y -90 deg mass 40 kg cog
 IO = (
     "io { spindle_on output 17 spindle_speed analog 1 full 6000 rpm spindle_running input 17"
     " clamp output 18 clamped input 18 released input 19 clamp_force analog 2 full 2000 N"
-    " set output 20 as \"doSet\" set_done input 20 }"
+    ' set output 20 as "doSet" set_done input 20 }'
 )
 DRILL = (
     "process drill6 { approach 60 mm spindle 3000 rpm feed 0.1 mm/rev depth 12 mm peck 5 mm"
@@ -204,9 +204,7 @@ def sense(rule: Rule, up: str, feed: Vector) -> float:
 
 def decided(rule: Rule, up: str, normal: Vector) -> bool:
     """Whether the rule gives a posture, whichever way the normal points."""
-    return (
-        clearance_rad(rule, up, normal) > 1.01 * CONE_RAD and abs(sense(rule, up, normal)) > 1e-5
-    )
+    return clearance_rad(rule, up, normal) > 1.01 * CONE_RAD and abs(sense(rule, up, normal)) > 1e-5
 
 
 @dataclass(frozen=True)
@@ -276,7 +274,9 @@ class PortalCase:
 
 
 @st.composite
-def portal_cases(draw: st.DrawFn, heights: Sequence[str] = ("widest_margin", "least_travel")) -> PortalCase:
+def portal_cases(
+    draw: st.DrawFn, heights: Sequence[str] = ("widest_margin", "least_travel")
+) -> PortalCase:
     """Joints are drawn, and the holes follow by the machine's geometry."""
     counts = draw(_COUNTS)
     holes, regions, at = {}, {}, 0

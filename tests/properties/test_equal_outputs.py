@@ -8,7 +8,6 @@ from decimal import Decimal
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from properties.specs import (
     SEPARATOR,
     PortalCase,
@@ -16,8 +15,8 @@ from properties.specs import (
     Spec,
     emitted,
     planned,
-    pose_cases,
     portal_cases,
+    pose_cases,
 )
 
 #: Each example is compiled two or three times, for two or three posts.
@@ -44,7 +43,7 @@ def test_the_unit_of_the_portals_holes(case: PortalCase, unit: str) -> None:
 
 @given(st.decimals("-9000", "9000", places=9), st.integers(0, 6))
 def test_every_decimal_is_the_same_float_in_every_unit(value: Decimal, digits: int) -> None:
-    """Where a unit were applied in binary, one in some ten decimals would differ in its last bit."""
+    """Were a unit applied in binary, one decimal in some ten would differ in its last bit."""
     from drillc.language.columns import numbers
     from drillc.language.units import UNITS, convert
 
@@ -111,6 +110,8 @@ def test_a_table_and_inline_points_are_one_program(case: PoseCase) -> None:
 @given(pose_cases(), st.sampled_from(("krl", "rapid")))
 def test_a_post_alone_writes_what_it_writes_beside_another(case: PoseCase, post: str) -> None:
     both = emitted(case.spec)
-    texts = tuple(t for t in case.spec.texts if not t.startswith("emit ") or f"emit {post} " in f"{t} ")
+    texts = tuple(
+        t for t in case.spec.texts if not t.startswith("emit ") or f"emit {post} " in f"{t} "
+    )
     alone = emitted(replace(case.spec, texts=texts))
     assert alone == {name: data for name, data in both.items() if name.startswith(f"{post}/")}

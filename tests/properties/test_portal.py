@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import given
-
 from properties.specs import (
     COLUMN_HEIGHT_MM,
     PortalCase,
@@ -22,9 +21,7 @@ def test_the_joints_put_each_hole_at_the_tool(case: PortalCase) -> None:
     assert solution is not None
     holes = [hole for found in case.spec.holes.values() for hole in found]
     assert result.job.holes.ids.tolist() == [hole.id for hole in holes]
-    for hole, q, turned in zip(
-        holes, solution.motion.joints, result.part_from_tool, strict=True
-    ):
+    for hole, q, turned in zip(holes, solution.motion.joints, result.part_from_tool, strict=True):
         rotation, origin = part_from_base(q)
         place = rotation @ np.array([float(v) for v in hole.position_mm]) + origin
         np.testing.assert_allclose(place, q[3:], atol=1e-6)

@@ -10,8 +10,6 @@ import pytest
 from drillc.language.diagnostics import Refused
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
-
 from properties.specs import (
     CONE_RAD,
     Hole,
@@ -24,6 +22,7 @@ from properties.specs import (
     pose_cases,
     sense,
 )
+from scipy.spatial.transform import Rotation
 
 
 def feeds(case: PoseCase) -> np.ndarray:
@@ -134,5 +133,5 @@ def test_a_normal_beyond_the_tolerance_is_refused() -> None:
     hole = Hole("P1", (Decimal(1), Decimal(2), Decimal(3)), (0.8, 0.0, 0.0))
     part = "part p { up +Z normals into unit_tolerance 0.1 }"
     spec = Spec(("program P", part, "emit krl"), {"r": "posture x horizontal"}, {"r": [hole]})
-    with pytest.raises(Refused, match="has length 0.8"):
+    with pytest.raises(Refused, match=r"has length 0\.8"):
         planned(spec)

@@ -250,8 +250,9 @@ def of_type(value: Value, kind: type[V]) -> V:
 
 
 def example(dimension: Dimension) -> str:
-    """The unit in which one would write a dimension."""
-    return next(name for name, unit in UNITS.items() if unit.dimension == dimension)
+    """The unit in which one would write a dimension: its first, but degrees for angles."""
+    names = [name for name, unit in UNITS.items() if unit.dimension == dimension]
+    return next((name for name in names if name.startswith("deg")), names[0])
 
 
 def _said_bound(bound: float, dimension: Dimension) -> str:

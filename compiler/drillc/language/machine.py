@@ -43,7 +43,7 @@ from drillc.language.job import (
     WorkFrame,
 )
 from drillc.language.source import Span
-from drillc.language.units import UNITS, Dimension
+from drillc.language.units import UNITS, Dimension, said
 
 #: How far a normal's length may be from 1 unless the part says otherwise. The posture article's own
 #: printed normals are off by up to 0.00066.
@@ -68,6 +68,8 @@ _FULL_SCALE: dict[str, Dimension] = {"spindle_speed": "spindle speed", "clamp_fo
 PORTAL_JOINTS = ("q1", "q2", "q3", "q4", "q5", "q6")
 #: The portal's one turning joint (q3 = β, the bar about its own axis).
 ROTARY_JOINT = 2
+#: A bar shorter than this is a mistake; and beside columns of metres its tilt would be rounding.
+LEAST_BAR_MM = 1.0
 
 
 def resolve_part(statement: Statement, report: Report) -> Part:
@@ -137,9 +139,17 @@ def resolve_fixture(statement: Statement, report: Report) -> Fixture:
     boxes = []
     for item in statement.items:
         first, second, unit = item.values
+        if not isinstance(unit, Word):
+            report.error(
+                "E203",
+                f"the box's corners have no unit; they are {said('length')}",
+                item.span,
+                hint="write the unit behind both: box (…) (…) mm",
+            )
+            continue
         corner = lengths(in_unit(first, unit), "the box's corner", report)
-        # The unit stands behind both corners; what is wrong with it is said once.
-        known = isinstance(unit, Word) and UNITS[unit.text].dimension == "length"
+        # The unit belongs to both corners; that it is wrong is said once.
+        known = UNITS[unit.text].dimension == "length"
         other = lengths(in_unit(second, unit), "the box's corner", report) if known else corner
         low, high = np.minimum(corner, other), np.maximum(corner, other)
         if np.any(high - low <= 0):
@@ -151,7 +161,7 @@ def resolve_fixture(statement: Statement, report: Report) -> Fixture:
                 hint="give two opposite corners",
             )
         boxes.append(Box(low, high, item.span))
-    if not boxes:
+    if not statement.items:
         report.error(
             "E202",
             f'fixture {statement.name.text} does not say "box"',
@@ -249,11 +259,13 @@ def resolve_portal(statement: Statement, report: Report) -> Portal:
     distance = fields.measure("D", "length", above=0, hint="D 10 m: the columns' distance")
     height = fields.measure("H", "length", above=0, hint="H 5 m: the columns' height")
     inset = fields.measure("d", "length", least=0, hint="d 0.75 m: the hinges' inset")
-    if inset * 2 >= distance:
+    if distance - inset * 2 < LEAST_BAR_MM:
         item = fields.get("d")
+        left = max(0.0, distance - inset * 2)
         report.error(
             "E223",
-            f"d is {inset:g} mm: twice that is not less than D, {distance:g} mm, so no bar is left",
+            f"D is {distance:.10g} mm and d {inset:.10g} mm, which leaves "
+            f"{f'a bar of only {left:g} mm' if left else 'no bar'} between the hinges",
             item.span if item else statement.span,
             hint="d is the small distance from a column to the hinge beside it",
         )

@@ -169,8 +169,10 @@ class _Gaps:
         while self.found <= NAMED_ROWS and self.text[start:stop].strip():
             self.found += 1
             if self.found > NAMED_ROWS:
-                message = "more points of this block are malformed; mend these first"
-                self.report.error("E301", message, self.block.span)
+                message = "more points of this block are malformed; mend those above first"
+                blank = _BLANK.match(self.text, start, stop)
+                at = self.block.start + (blank.end() if blank else start)
+                self.report.error("E301", message, self.block.source.span(at, at + 1))
                 return
             begin = _BEGIN.search(self.text, self._report(start), stop)
             start = begin.start() if begin else stop

@@ -9,7 +9,7 @@ from functools import reduce
 
 import numpy as np
 
-from drillc.language.ast import Item, PointBlock, Rule, Select, Statement, Text, Word
+from drillc.language.ast import Item, PointBlock, Rule, Select, Statement, Text, Value, Word
 from drillc.language.cover import Selection, check_cover, rows_by_region
 from drillc.language.diagnostics import Label, Report
 from drillc.language.fields import Fields, lookup, measure, of_type, unit_vector
@@ -21,7 +21,7 @@ from drillc.language.operations import VISIT
 from drillc.language.points import RawHoles, read_points
 from drillc.language.selection import Mask
 from drillc.language.source import Source
-from drillc.language.tables import KEYS, REQUIRED, Table, TableSpec, read_table
+from drillc.language.tables import KEYS, LENGTHS, REQUIRED, Table, TableSpec, read_table
 from drillc.language.units import UNITS, Unit, said
 
 #: A normal nearer than this to the singular direction leaves the rule undecided, unless a rule says
@@ -36,11 +36,12 @@ def resolve_table(statement: Statement, loader: Loader, report: Report) -> Table
     columns = _columns(fields, report)
     delimiter = _delimiter(fields.get("delimiter"), report)
     unit = _unit(fields, report)
+    own_units = _own_units(fields.get("columns"), report)
     path = loader.resolve(path_text, statement.span.source)
     source = None if path is None else loader.read(path, TABLE_LIMIT, path_text.span)
     if source is None or columns is None or delimiter is None or unit is None:
         return None
-    spec = TableSpec(statement.name, delimiter, unit, columns, path_text)
+    spec = TableSpec(statement.name, delimiter, unit, own_units, columns, path_text)
     raw = read_table(spec, source, report)
     return None if raw is None else Table(statement.name, source, raw)
 
@@ -59,6 +60,31 @@ def _delimiter(item: Item | None, report: Report) -> str | None:
         hint='delimiter ";", "," or "\\t"',
     )
     return None
+
+
+def _own_units(item: Item | None, report: Report) -> dict[str, Unit]:
+    """Units of the columns that state one themselves: `diameter DIA mm` in a table in metres."""
+    units: dict[str, Unit] = {}
+    for entry in item.items if item else ():
+        key, word = entry.key.text, entry.values[1]
+        if not isinstance(word, Word):
+            continue
+        unit = UNITS[word.text]
+        if key in LENGTHS and unit.dimension == "length":
+            units[key] = unit
+            continue
+        what = said("length") if key in LENGTHS else "a column without a unit"
+        report.error(
+            "E204",
+            f"{key} is {what}, but {word.text} is {said(unit.dimension)}",
+            word.span,
+            hint=f"{key} {_shown(entry.values[0])} mm" if key in LENGTHS else "leave the unit out",
+        )
+    return units
+
+
+def _shown(title: Value) -> str:
+    return f'"{title.text}"' if isinstance(title, Text) else of_type(title, Word).text
 
 
 def _unit(fields: Fields, report: Report) -> Unit | None:

@@ -25,6 +25,8 @@ BLOCK_ROWS = 65536
 #: What a table's columns may be mapped to; the first seven must be.
 KEYS = ("id", "x", "y", "z", "i", "j", "k", "diameter", "stack")
 REQUIRED = KEYS[:7]
+#: Those that are lengths, in the table's unit or their own.
+LENGTHS = ("x", "y", "z", "diameter", "stack")
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,7 @@ class TableSpec:
     name: Word
     delimiter: str
     unit: Unit
+    units: dict[str, Unit]  # of the columns that state one of their own
     columns: dict[str, Word | Text]
     path: Text
 
@@ -118,7 +121,7 @@ def read_table(spec: TableSpec, source: Source, report: Report) -> RawHoles | No
             title = header[1][place].strip()
             found = numbers(
                 columns[place],
-                UNITS["mm"] if key in "ijk" else spec.unit,
+                UNITS["mm"] if key in "ijk" else spec.units.get(key, spec.unit),
                 optional=key in {"diameter", "stack"},
             )
             for row, code, what in found.bad:

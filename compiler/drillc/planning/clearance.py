@@ -52,6 +52,7 @@ def check_fixtures(
                     f"the tool's path into hole {holes.ids[row]} enters fixture {name}"
                 ),
                 report,
+                hint=lambda row: "move the fixture; or approach and retract less far",
                 label=lambda row, label=label: label,  # type: ignore[misc]
             )
             hit = np.zeros(len(neighbours), dtype=np.bool_)

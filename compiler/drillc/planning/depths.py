@@ -104,7 +104,7 @@ def _sink_depths(job: Job, region: Region, sink: Countersink, report: Report) ->
             f"{job.holes.ids[row]} lacks"
         ),
         report,
-        "diameters are given by hole tables: columns { diameter TITLE … }; or write: "
+        "diameters are given by hole tables: columns { diameter TITLE … }; or: "
         "countersink … by 1.5 mm",
     )
     _report(

@@ -44,7 +44,7 @@ def check_expectations(
                     report.error(
                         "E502",
                         f"hole {ids[row]} is {off:.4f} mm from where it is expected (within "
-                        f"{within_mm:g} mm)",
+                        f"{within_mm:g} mm); it is at {_said_position(job, row)} mm",
                         span,
                     )
             case ExpectJoints(row, wanted, within_mm, within_rad, span):
@@ -63,6 +63,10 @@ def check_expectations(
                         f"{count:,} that are expected",
                         span,
                     )
+
+
+def _said_position(job: Job, row: int) -> str:
+    return f"({', '.join(f'{v:.10g}' for v in job.holes.position_mm[row])})"
 
 
 def _check_joints(

@@ -8,8 +8,8 @@ from drillc.planning.program import JointMotion, Program, Section
 
 
 def plan(job: Job, part_from_tool: Floats, depth_mm: Floats, motion: JointMotion | None) -> Program:
-    """The program in the order of the hole table; its cycles in the order in which regions use them.
-    Processes that no region uses are left out."""
+    """The program in the order of the hole table; its cycles in the order in which regions first
+    use them, without those that none uses."""
     used = list(dict.fromkeys(region.process for region in job.regions))
     return Program(
         name=job.program.text,

@@ -1,0 +1,188 @@
+"""Fixtures and the part: the slab test against points along the segment, and what is reported."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drillc.language.job import Box
+from drillc.language.source import Span
+from drillc.planning.clearance import enters
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from language.texts import attempted, codes, in_memory, only, refused
+
+SPAN = Span(in_memory("x"), 1, 1)
+
+#: Small whole numbers make segments that touch, graze, or lie in a face.
+GRID = st.tuples(*[st.integers(-4, 4).map(float)] * 3)
+ANYWHERE = st.tuples(*[st.floats(-4, 4)] * 3)
+VECTORS = GRID | ANYWHERE
+
+
+def box_of(one: tuple[float, ...], other: tuple[float, ...]) -> Box:
+    corners = np.array([one, other])
+    return Box(corners.min(axis=0), corners.max(axis=0), SPAN)
+
+
+def entered(start: tuple[float, ...], end: tuple[float, ...], box: Box) -> bool:
+    found = enters(np.array([start]), np.array([end]), box)
+    assert found.shape == (1,)
+    return bool(found[0])
+
+
+@given(VECTORS, VECTORS, VECTORS, VECTORS)
+def test_against_points_along_the_segment(
+    start: tuple[float, ...],
+    end: tuple[float, ...],
+    one: tuple[float, ...],
+    other: tuple[float, ...],
+) -> None:
+    """A point of the segment inside the box means that it enters; none near it means that it does
+    not. Points are so dense that a box a little larger than their distance cannot be missed."""
+    box = box_of(one, other)
+    share = np.linspace(0, 1, 2001)[:, None]
+    along = (1 - share) * np.array(start) + share * np.array(end)
+    step = float(np.linalg.norm(np.array(end) - np.array(start))) / 2000
+    # Rounding may carry a point of a face over it.
+    deep = ((along > box.low_mm + 1e-9) & (along < box.high_mm - 1e-9)).all(axis=1).any()
+    near = ((along >= box.low_mm - step) & (along <= box.high_mm + step)).all(axis=1).any()
+    found = entered(start, end, box)
+    if deep:
+        assert found
+    if not near:
+        assert not found
+
+
+@given(GRID, GRID, GRID, GRID)
+def test_exactly_where_arithmetic_is_exact(
+    start: tuple[float, ...],
+    end: tuple[float, ...],
+    one: tuple[float, ...],
+    other: tuple[float, ...],
+) -> None:
+    """In fractions, touching counts: the box is closed."""
+    box = box_of(one, other)
+    assume(np.all(box.high_mm > box.low_mm))
+    least, most = Fraction(0), Fraction(1)
+    for a, b, low, high in zip(start, end, box.low_mm, box.high_mm, strict=True):
+        if a == b:
+            if not low <= a <= high:
+                least = Fraction(2)
+            continue
+        first, second = sorted(Fraction(int(v - a), int(b - a)) for v in (low, high))
+        least, most = max(least, first), min(most, second)
+    assert entered(start, end, box) == (least <= most)
+    assert entered(end, start, box) == (least <= most)
+
+
+UNIT = box_of((0, 0, 0), (1, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "inside"),
+    [
+        ((0.5, 0.5, -1), (0.5, 0.5, 2), True),
+        ((0.5, 0.5, 0.5), (0.5, 0.5, 0.5), True),
+        ((0.2, 0.2, 0.2), (0.8, 0.8, 0.8), True),
+        ((1, 0.5, -1), (1, 0.5, 2), True),  # in a face
+        ((1, 1, 1), (2, 2, 2), True),  # a corner
+        ((-1, 0, 0), (2, 0, 0), True),  # an edge
+        ((1 + 1e-9, 0.5, -1), (1 + 1e-9, 0.5, 2), False),
+        ((0.5, 0.5, -1), (0.5, 0.5, -1e-9), False),
+        ((2, 2, 2), (2, 2, 2), False),
+        ((1.6, 0.5, 0), (0.5, 1.6, 0), False),
+        ((1.4, 0.5, 0), (0.5, 1.4, 0), True),
+        ((1e300, 0.5, 0.5), (-1e300, 0.5, 0.5), True),
+    ],
+)
+def test_by_hand(start: tuple[float, ...], end: tuple[float, ...], inside: bool) -> None:
+    assert entered(start, end, UNIT) == inside
+    assert entered(end, start, UNIT) == inside
+
+
+def test_many_segments_at_once() -> None:
+    start = np.array([[0.5, 0.5, -1], [5, 5, 5], [0.5, 0.5, 0.5]])
+    end = np.array([[0.5, 0.5, 2], [6, 6, 6], [9, 9, 9]])
+    assert enters(start, end, UNIT).tolist() == [True, False, True]
+    assert enters(start[:0], end[:0], UNIT).tolist() == []
+
+
+# ── what is reported ─────────────────────────────────────────────────────────────────────────────
+
+
+def spec(points: str, fixture: str, depth: str = "10 mm") -> str:
+    return f"""drill 1
+program P
+part p {{ up +Z  normals into }}
+fixture jig {{ {fixture} }}
+process d {{ approach 50 mm  retract 30 mm  spindle 3000 rpm  feed 0.1 mm/rev  depth {depth} }}
+region r {{ posture x toward +X  process d  points mm {{
+{points}
+}} }}
+"""
+
+
+A = "A (0, 0, 0) normal (0, 0, -1)"
+B = "B (100, 0, 0) normal (0, 0, -1)"
+
+
+@pytest.mark.parametrize(
+    ("fixture", "found"),
+    [
+        ("box (-5, -5, 45) (5, 5, 49) mm", [("E360", 7)]),  # at A's standoff
+        ("box (-5, -5, 51) (5, 5, 60) mm", []),  # above it
+        ("box (95, -5, -9) (105, 5, -5) mm", [("E360", 8)]),  # below B, in its hole
+        ("box (95, -5, -20) (105, 5, -11) mm", []),  # deeper than the hole
+        # From A's retract, 30 mm, to B's approach, 50 mm: at half way 40 mm.
+        ("box (49, -5, 38) (51, 5, 42) mm", [("E361", 8)]),
+        ("box (49, -5, 43) (51, 5, 90) mm", []),
+        ("box (49, -5, 0) (51, 5, 37) mm", []),
+        ("box (49, 5, 38) (51, 9, 42) mm  box (-1, -1, 20) (1, 1, 21) mm", [("E360", 7)]),
+    ],
+)
+def test_where_the_path_enters_a_fixture(
+    tmp_path: Path, fixture: str, found: list[tuple[str, int]]
+) -> None:
+    _, report = attempted(tmp_path, spec(f"{A}\n{B}", fixture))
+    assert [(d.code, d.span.line) for d in report.diagnostics if d.span] == found
+    for diagnostic in report.diagnostics:
+        assert diagnostic.labels[0].span.line == 4
+
+
+def test_between_regions_nothing_is_checked_but_the_plunges(tmp_path: Path) -> None:
+    text = spec(A, "box (49, -5, 38) (51, 5, 42) mm")
+    text += f"region s {{ posture x toward +X  process d  points mm {{ {B} }} }}\n"
+    _, report = attempted(tmp_path, text)
+    assert codes(report) == []
+
+
+def test_tilted_holes_are_followed_along_their_own_axis(tmp_path: Path) -> None:
+    point = "A (0, 0, 0) normal (0.6, 0, -0.8)"  # the standoff is at (-30, 0, 40)
+    report = refused(tmp_path, spec(point, "box (-31, -1, 39) (-29, 1, 41) mm"))
+    assert only(report).code == "E360"
+    _, report = attempted(tmp_path, spec(point, "box (29, -1, 39) (31, 1, 41) mm"))
+    assert codes(report) == []
+
+
+def test_a_bulge_between_holes_is_a_warning(tmp_path: Path) -> None:
+    """On a cylinder of 1 m radius, 60 degrees apart: it rises by 1000 (1 - cos 30°) = 134 mm over
+    the chord; the tool travels min(30, 50) cos 30° = 26 mm over it."""
+    half, up = 500.0, 866.02540378
+    a = f"A ({-half}, 0, {up}) normal (0.5, 0, -0.8660254)"
+    b = f"B ({half}, 0, {up}) normal (-0.5, 0, -0.8660254)"
+    fixture = "box (900, 900, 900) (999, 999, 999) mm"
+    result, report = attempted(tmp_path, spec(f"{a}\n{b}", fixture))
+    assert result is not None
+    found = only(report)
+    assert found.code == "W362"
+    assert "134 mm" in found.message
+    assert "60 deg" in found.message
+    assert "26 mm" in found.message
+    # Seen from inside, the same two holes lie in a hollow.
+    inward = f"{a}\n{b}".replace("-0.8660254)", "0.8660254)").replace("(0.5,", "(w,")
+    inward = inward.replace("(-0.5,", "(0.5,").replace("(w,", "(-0.5,")
+    _, report = attempted(tmp_path, spec(inward, fixture))
+    assert codes(report) == []
