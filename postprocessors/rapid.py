@@ -227,7 +227,8 @@ class RapidPost(PostProcessor):
                     "E649",
                     "rapid needs to know how fast the rotary external axes may turn",
                     task.emit.post.span,
-                    hint="give the joint a speed: robot … { speeds { … } }; or emit rapid { rotary_speed 10 deg/s }",
+                    hint="give the joint a speed: robot … { speeds { … } }; or emit rapid "
+                    "{ rotary_speed 10 deg/s }",
                 )
         _check_names(task, report)
         check_full_scale(program, "E646", report)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from drillc.kernels.portal import PortalGeometry, joints, offsets, pointing
 from drillc.planning.bulge import arc_rise_mm, greatest_rise_mm, rises, turned_rad
 from drillc.planning.travel import travel_height_mm
@@ -45,9 +44,7 @@ def height_on_the_portal(angles_deg: list[float], x_mm: list[float], standoff_mm
     position, normal = on_a_cylinder(angles_deg, 2000.0)
     position[:, 0] = x_mm
     alpha, beta = pointing(normal)
-    q = joints(
-        offsets(geometry, position, alpha[:, 0], beta[:, 0]), beta[:, 0], np.full(2, 2500.0)
-    )
+    q = joints(offsets(geometry, position, alpha[:, 0], beta[:, 0]), beta[:, 0], np.full(2, 2500.0))
     withdraw = q[:, 5] - standoff_mm
     withdraw[1] = min(withdraw)
     height = travel_height_mm(geometry, q, withdraw, 5, position, normal)

@@ -72,8 +72,8 @@ def least_travel(
 
     NaN where there is no solution: low > high, or an input is NaN. The travel is then least along
     the remaining holes. Raises ValueError for weights that are not positive and finite.
-    Linear time, some 150 bytes a hole. Source: seeds-checked, "Portal riveting robot"; the seed
-    itself takes h = H/2 throughout.
+    Linear time, some 150 bytes a hole. The portal's exam takes h = H/2
+    throughout and leaves any better choice open.
     """
     if not all(0.0 < weight < inf for weight in weights):
         raise ValueError(f"the weights {weights} are not all positive and finite")

@@ -76,11 +76,11 @@ def _check_one_diameter(job: Job, report: Report) -> None:
         return
     first, row, holes = int(drilled[0]), int(other[0]), job.holes
     different = np.unique(diameter_mm)
-    some = ", ".join(f"{value:g}" for value in different[:5])
+    some = ", ".join(f"{value:g}" for value in different[:5]) + ", …" * (len(different) > 5)
     report.warn(
         "W344",
-        f"holes of {len(different)} diameters are drilled ({some}{' …' if len(different) > 5 else ''}"
-        f" mm) in a program that has one tool",
+        f"holes of {len(different)} diameters are drilled ({some} mm) in a program that has one "
+        f"tool",
         holes.span(row),
         labels=[Label(holes.span(first), f"this one has {holes.diameter_mm[first]:g} mm")],
         hint="make a spec for each tool, and skip the other holes there",

@@ -332,10 +332,10 @@ def _confirm(job: Job, geometry: PortalGeometry, q: Floats) -> Floats:
 def _motion(
     job: Job, robot: Portal, geometry: PortalGeometry, part_from_tool: Floats, q: Floats
 ) -> JointMotion:
-    """The tool withdraws before the part moves: to the lower (working from above: the higher) of the
-    standoff it leaves and the one it goes to, so it is clear of both while the plate turns. Where
-    that may not keep it clear of the plate in between, and before the first hole of a region, when
-    the way is long or nobody knows how the part stands, it withdraws as far as it can."""
+    """The tool withdraws before the part moves: to the lower (working from above: the higher) of
+    the standoff it leaves and the one it goes to, so it is clear of both while the plate turns.
+    Where that may not keep it clear of the plate in between, and before the first hole of a region,
+    when the way is long or nobody knows how the part stands, it withdraws as far as it can."""
     sign: int = 1 if robot.side == "below" else -1
     approach, retract = standoffs_mm(job)
     first = np.ones(len(q), dtype=np.bool_)
