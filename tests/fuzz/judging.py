@@ -250,6 +250,14 @@ def assert_complete(out: Path) -> None:
 _NOT_A_NUMBER = re.compile(r"(?<![\w.$])[+-]?(?:nan|inf|infinity)(?![\w.(])", re.IGNORECASE)
 _MINUS_ZERO = re.compile(r"(?<![\w.])-0(?:\.0*)?(?![\d.\w])")
 _BAD_CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\xff]")
+#: Feeds, speeds and times that came out as zero: the machine would stand still, or wait for ever.
+_VANISHED = {
+    "krl": re.compile(r"\$VEL\.CP=0\.0*\s|\$TIMER\[\d+\]=-0\b|BOTTOM=BOTTOM\+0\.0*\s"),
+    "rapid": re.compile(r"\\V:=0(?:\.0*)?[,\s]|MaxTime:=0(?:\.0*)?\\|bottom:=bottom\+0\.0*;"),
+    "gcode": re.compile(r"\bF0(?:\.0*)?\s|\bM66 .*Q0(?:\.0*)?\s|<bottom> = \[#<bottom> \+ 0\.0*\]"),
+}
+#: The longest line, and the longest text in quotes, that a controller reads.
+_LONGEST = {"krl": (1000, 1000), "rapid": (1000, 80), "gcode": (252, 252)}
 _LONE_END = {"krl": rb"(?<!\r)\n|\r(?!\n)", "rapid": rb"(?<!\r)\n|\r(?!\n)", "gcode": rb"\r"}
 
 
@@ -260,9 +268,14 @@ def assert_clean(out: Path, spec: Path) -> None:
             assert not re.search(rb"[^\x20-\x7e\n]", data), f"{name} is not plain ASCII"
             continue
         assert not (bad := _BAD_CONTROL.search(data)), f"{name} holds {bad[0]!r}"
-        ends = _LONE_END[name.partition("/")[0]]
-        assert not re.search(ends, data), f"{name} mixes line ends"
+        post = name.partition("/")[0]
+        assert not re.search(_LONE_END[post], data), f"{name} mixes line ends"
         text = data.decode("ascii")
+        assert not (bad := _VANISHED[post].search(text)), f"{name} holds {bad[0]!r}"
+        line, quoted = _LONGEST[post]
+        assert max(map(len, text.splitlines())) <= line, f"{name} has a line too long"
+        texts = re.findall(r'"([^"\n]*)"', text)
+        assert max(map(len, texts), default=0) <= quoted, f"{name} has a text too long"
         for pattern in (_NOT_A_NUMBER, _MINUS_ZERO):
             if pattern.search(text):
                 for word in _names(spec):

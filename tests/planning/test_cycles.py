@@ -124,19 +124,22 @@ class Machine:
 
 
 def fault_from(cycle: Cycle, machine: Machine) -> None:
-    """Everything off, and out: whatever was on."""
+    """Everything off, and out: whatever was on, and never towards the part."""
+    process = machine.process
+    out_mm = max(process.approach_mm, process.retract_mm)
     for step in cycle.fault:
         if isinstance(step, SwitchOutput):
             assert not step.on
             machine.on[step.role] = False
         elif isinstance(step, MoveTo):
             assert not any(machine.on.values()), "off before out"
+            assert step.depth_mm <= machine.depth_mm, "never nearer"
             machine.depth_mm = step.depth_mm
         else:
             assert isinstance(step, StopSpindle)
-            assert machine.depth_mm == -machine.process.retract_mm
+            assert machine.depth_mm == -out_mm
             machine.turning = False
-    assert machine.depth_mm == -machine.process.retract_mm
+    assert machine.depth_mm == -out_mm
     assert not machine.turning
     assert not any(machine.on.values())
 

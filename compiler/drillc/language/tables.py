@@ -20,7 +20,7 @@ from drillc.language.source import Source, Span
 from drillc.language.units import UNITS, Unit
 
 #: Rows handled at a time: bounds the memory that their texts take.
-BLOCK_ROWS = 65536
+BLOCK_ROWS = 8192
 
 #: What a table's columns may be mapped to; the first seven must be.
 KEYS = ("id", "x", "y", "z", "i", "j", "k", "diameter", "stack")

@@ -71,13 +71,15 @@ def cycle_of(process: Process, signals: Mapping[str, Signal]) -> Cycle:
 
 
 def _fault(process: Process) -> tuple[Step, ...]:
-    """Everything off, and out. No wait can time out while the drill is in the material."""
+    """Everything off, and out: to the farther standoff, since a wait may stand at either and the
+    tool must not come nearer. No wait can time out while the drill is in the material."""
     steps: list[Step] = []
     if process.rivet is not None:
         steps.append(SwitchOutput("set", False))
     if process.clamp is not None:
         steps.append(SwitchOutput("clamp", False))
-    steps.append(MoveTo(0.0 - process.retract_mm, process.retract_mm_s))
+    out_mm = max(process.approach_mm, process.retract_mm)
+    steps.append(MoveTo(0.0 - out_mm, process.retract_mm_s))
     if process.drill is not None:
         steps.append(StopSpindle())
     return tuple(steps)
