@@ -126,3 +126,31 @@ def test_nothing_beside_the_output_is_written(specs: Path, tmp_path: Path) -> No
     for command in ("check", "inspect"):
         assert cli.main([command, str(specs / "panel.drill")]) == cli.EXIT_FINE
     assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("way", ["spec", "out", "root", "below"])
+def test_a_loop_of_links_is_an_error_like_any_other(
+    specs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], way: str
+) -> None:
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    spec, out, root = specs / "portal.drill", tmp_path / "out", specs
+    spec = loop / "portal.drill" if way == "spec" else spec
+    out = {"out": loop, "below": loop / "out"}.get(way, out)
+    root = loop if way == "root" else root
+    arguments = ["compile", str(spec), "-o", str(out), "--root", str(root)]
+    assert cli.main(arguments) == cli.EXIT_ERRORS
+    assert "error E" in capsys.readouterr().err
+    assert loop.is_symlink()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["loop", "specs"]
+
+
+@pytest.mark.parametrize("length", [200, 250, 256, 5000])
+def test_a_name_that_is_too_long(specs: Path, tmp_path: Path, length: int) -> None:
+    before = tree(tmp_path)
+    out = tmp_path / ("x" * length)
+    code = cli.main(["compile", str(specs / "portal.drill"), "-o", str(out)])
+    assert code == (cli.EXIT_FINE if length == 200 else cli.EXIT_ERRORS)
+    assert length == 200 or tree(tmp_path) == before
+    long = str(tmp_path / ("x" * length) / "a.drill")
+    assert cli.main(["check", long]) == cli.EXIT_ERRORS

@@ -19,8 +19,8 @@ from properties.specs import (
     pose_cases,
 )
 
-#: Each example is compiled two or three times, for two or three posts.
-few = settings(max_examples=20)
+#: Each example is compiled two or three times for two or three posts, a tenth of a second each.
+few = settings(max_examples=10)
 UNITS = st.sampled_from(("m", "cm", "um"))
 
 

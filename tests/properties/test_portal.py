@@ -3,11 +3,17 @@ asked. The forward kinematics here follow from the mechanics, not from drillc's 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
+from drillc.kernels.windings import unwrap
 from hypothesis import given
+from hypothesis import strategies as st
 from properties.specs import (
     COLUMN_HEIGHT_MM,
     PortalCase,
+    Spec,
     part_from_base,
     planned,
     portal_cases,
@@ -61,9 +67,43 @@ def test_least_travel_never_travels_farther_than_the_widest_margin(case: PortalC
         assert solution is not None
         return float(np.abs(np.diff(solution.motion.joints[:, [0, 1, 5]], axis=0)).sum())
 
-    from dataclasses import replace
-
     wide = replace(
         case.spec, texts=tuple(t.replace("least_travel", "widest_margin") for t in case.spec.texts)
     )
     assert travel(case.spec) <= travel(wide) + 1e-6
+
+
+@given(st.lists(st.floats(-np.pi, np.pi), min_size=1, max_size=60), st.floats(0, 5e3))
+def test_an_endless_axis_never_turns_farther_than_it_must(
+    angles: list[float], limit_turns: float
+) -> None:
+    """Where the limits leave room, each step is at most half a turn, and the whole stays near the
+    middle of the limits; where they do not, the result is inside them all the same."""
+    half_rad = np.pi + limit_turns * 2 * np.pi
+    free = np.unwrap(angles)
+    result = unwrap(np.array(angles), -half_rad, half_rad)
+    assert np.abs(result).max() <= half_rad + 1e-9
+    turns = (result - angles) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.rint(turns), atol=1e-9)
+    if np.ptp(free) < 2 * half_rad - 2 * np.pi:
+        travel = np.abs(np.diff(result)).sum()
+        assert travel == pytest.approx(np.abs(np.diff(free)).sum(), abs=1e-9)
+        assert result.min() <= 2 * np.pi + 1e-9
+        assert result.max() >= -2 * np.pi - 1e-9
+
+
+@given(portal_cases(), st.sampled_from(("180 deg", "181 deg", "36000 deg", "1e7 deg", "9e8 rad")))
+def test_wide_limits_of_q3_change_nothing_but_the_turns(case: PortalCase, limit: str) -> None:
+    def joints(spec: Spec) -> np.ndarray:
+        solution = planned(spec).solution
+        assert solution is not None
+        return solution.motion.joints
+
+    old = "q3 -180 deg .. 180 deg"
+    assert any(old in text for text in case.spec.texts)
+    texts = tuple(text.replace(old, f"q3 -{limit} .. {limit}") for text in case.spec.texts)
+    before, after = joints(case.spec), joints(replace(case.spec, texts=texts))
+    np.testing.assert_array_equal(np.delete(after, 2, axis=1), np.delete(before, 2, axis=1))
+    turns = (after[:, 2] - before[:, 2]) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.rint(turns), atol=1e-6)
+    assert np.abs(np.diff(after[:, 2])).sum() <= np.abs(np.diff(before[:, 2])).sum() + 1e-6

@@ -169,7 +169,8 @@ class Loaded:
 
 def load(path: Path, root: Path | None, report: Report) -> tuple[Loader, Loaded | None]:
     """Read and parse the spec at `path` and its cell files. All syntax errors are reported."""
-    loader = Loader((root or path.parent).resolve(), report)
+    # realpath, since resolve() raises on a loop of links; reading then says what is wrong.
+    loader = Loader(Path(os.path.realpath(root or path.parent)), report)
     if root is not None and not root.is_dir():
         report.error("E121", f"the root {root} is not a folder", hint="--root DIR: a folder")
         return loader, None

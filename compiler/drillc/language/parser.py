@@ -141,10 +141,8 @@ def _known_version(source: Source, version: re.Match[str], report: Report) -> bo
 
 @dataclass(frozen=True)
 class _Structure:
-    """Where statements begin, and `unclosed`: the brace still open there, where there is one.
-
-    `open_at_end` is the innermost brace that is never closed; `blocks` are the points blocks.
-    """
+    """Offsets: where statements begin; `unclosed`, the innermost brace still open there, where
+    there is one; and the one still open at the end."""
 
     starts: list[int]
     unclosed: dict[int, int]
@@ -213,8 +211,10 @@ def _begins_statement(text: str, at: int, word: str, inside: bool) -> bool:
     outside every bracket, so that an unclosed block ends where the next line begins at its left."""
     if word not in _STATEMENTS or (word == "process" and not _PROCESS_STATEMENT.match(text, at)):
         return False
-    line = text.rfind("\n", 0, at) + 1
-    return at == line or (not inside and not text[line:at].strip(" \t"))
+    line = at
+    while line > 0 and text[line - 1] in " \t":
+        line -= 1
+    return (line == 0 or text[line - 1] == "\n") and (line == at or not inside)
 
 
 # ── saying what is wrong ─────────────────────────────────────────────────────────────────────────
@@ -260,11 +260,14 @@ def _report_unclosed(
         brace = structure.open_at_end
     if brace is None or brace < 0:
         return False
-    labels = [Label(source.span(at, at + 1), "open until here")] if brace < at else []
-    if at == len(source.text):
-        labels = []
-    span = source.span(brace, brace + 1)
-    report.error("E105", f"this block is not closed {end}", span, labels=labels, hint="close it: }")
+    until = [Label(source.span(at, at + 1), "open until here")]
+    report.error(
+        "E105",
+        f"this block is not closed {end}",
+        source.span(brace, brace + 1),
+        labels=until if brace < at < len(source.text) else [],
+        hint="close it: }",
+    )
     return True
 
 
@@ -272,7 +275,9 @@ def _report_characters(source: Source, at: int, expected: set[str], report: Repo
     """Characters that cannot stand here whatever is meant: a comma in a number, a lonely quote, a
     letter that is not ASCII."""
     text = source.text
-    character, before, after = text[at : at + 1], text[:at][-1:], text[at + 1 : at + 2]
+    character, before, after = text[at : at + 1], text[max(0, at - 1) : at], text[at + 1 : at + 2]
+    end = text.find("\n", at)
+    end = len(text) if end < 0 else end
     if character == "," and before.isdigit() and after.isdigit():
         report.error(
             "E106",
@@ -280,12 +285,11 @@ def _report_characters(source: Source, at: int, expected: set[str], report: Repo
             source.span(at, at + 1),
             hint='write "1.5", not "1,5"',
         )
-    elif character == '"' and '"' not in text[at + 1 :].partition("\n")[0]:
-        end = text.find("\n", at)
+    elif character == '"' and text.find('"', at + 1, end) < 0:
         report.error(
             "E108",
             "this text has no closing quote on its line",
-            source.span(at, len(text) if end < 0 else end),
+            source.span(at, end),
             hint='close it with "',
         )
     elif character and is_strange(character):

@@ -38,11 +38,11 @@ def write_outputs(
     Raises `Refused` when `directory` holds files that drillc did not write, or cannot be written.
     After any exception the directory is as it was, and the temporary folder is gone.
     """
-    target = directory.resolve()
-    _check_free(target, directory, report)
-    report.stop_if_failed()
-    temporary = target.with_name(f".{target.name}.drillc-{secrets.token_hex(4)}")
+    target = Path(os.path.realpath(directory))  # unlike resolve(), it minds no loop of links
+    temporary = target.parent / f".{target.name}.drillc-{secrets.token_hex(4)}"
     try:
+        _check_free(target, directory, report)
+        report.stop_if_failed()
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary.mkdir()
         outputs = _pour(temporary, files)
