@@ -106,7 +106,7 @@ def test_any_call_that_fails(
     real, calls = getattr(Path, call), []
 
     def failing(path: Path, *arguments: Any, **options: Any) -> Any:
-        if "drillc-" in str(path) or path == out(place):
+        if ".drillc-" in str(path) or path == out(place):
             calls.append(path)
             if len(calls) == which:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
