@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 UP = (0.0, 0.0, 1.0)
 # Normals, printed (alpha, beta, gamma), and which axis is horizontal in which sense. The angles
-# reproduce as Rz(gamma) Ry(beta) Rx(alpha); which axis is horizontal was checked against the printed angles.
+# reproduce as Rz(gamma) Ry(beta) Rx(alpha); which axis is horizontal follows from them.
 TABLE = {
     "P1": ((-0.233, -0.012, 0.972), (0.0, 13.469, -177.035), 1, (0, -1, 0)),
     "P2": ((-0.236, -0.011, 0.972), (0.0, 13.634, -177.222), 1, (0, -1, 0)),
