@@ -4,7 +4,8 @@
 
 Each compile is a process of its own, so that its peak memory is its own; the times are those of the
 passes, without Python's start. The last line is the ratio, inline over CSV, in this one run: it is
-to stay at 3 or below. The points lie on a cylinder; both specs give the same bytes, which is checked.
+to stay at 3 or below. The points lie on a cylinder; both specs give the same bytes, which is
+checked.
 
 Measured on 2 cores, Python 3.11, numpy 2.4 (the ratio is what carries over to other machines):
 see docs/performance.md.
