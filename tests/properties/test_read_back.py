@@ -63,11 +63,12 @@ def krl_events(program: Program, files: dict[str, bytes]) -> list[Event]:
 
 
 def rapid_events(program: Program, files: dict[str, bytes]) -> list[Event]:
-    roles = {signal.alias or signal.role: signal.role for signal in program.signals.values()}
+    signals = program.signals.values()
+    roles = {(signal.alias or signal.role).lower(): signal.role for signal in signals}
     main = {name: data for name, data in files.items() if name.startswith("rapid/")}
     known = ("tool0", "wobj0", "wSkin")
     run = rapid.run(rapid.load(main), World(), list(roles), known)
-    return in_roles(program, run.events, lambda _, shown: roles[shown], rapid_units=True)
+    return in_roles(program, run.events, lambda _, shown: roles[shown.lower()], rapid_units=True)
 
 
 @few
