@@ -2,13 +2,14 @@
 
     python benchmarks/inline_points.py [HOLES] [--repeats N]
 
-Each compile is a process of its own, so that its peak memory is its own; the times are those of the
-passes, without Python's start. The last line is the ratio, inline over CSV, in this one run: it is
-to stay at 3 or below. The points lie on a cylinder; both specs give the same bytes, which is
-checked.
+Each run is a process of its own, so that its peak memory is its own; the times are those of the
+commands, without Python's start. The last line is the ratio, inline over CSV, in this one run: it
+is to stay at 3 or below. The points lie on a cylinder; both specs give the same bytes, which is
+checked. Measured on 2 cores with Python 3.11 and numpy 2.4, beside other work:
 
-Measured on 2 cores, Python 3.11, numpy 2.4 (the ratio is what carries over to other machines):
-see docs/performance.md.
+    holes        inline              CSV                 ratio
+    100,000      1.0 s,   110 MB     1.0 s,   113 MB     1.05
+    3,000,000    27 s,  1,880 MB     29 s,  1,710 MB     0.91    (a KRL program of 3,750 parts)
 """
 
 from __future__ import annotations
