@@ -34,6 +34,7 @@ def entered(start: tuple[float, ...], end: tuple[float, ...], box: Box) -> bool:
 
 
 @given(VECTORS, VECTORS, VECTORS, VECTORS)
+@example((0.0, 0.0, 0.0), (0.0, 0.0, 5e-323), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0))  # 1/5e-323
 def test_against_points_along_the_segment(
     start: tuple[float, ...],
     end: tuple[float, ...],

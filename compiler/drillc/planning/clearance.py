@@ -113,7 +113,7 @@ def check_travel(job: Job, part_from_tool: Floats, report: Report) -> None:
 def enters(start_mm: Floats, end_mm: Floats, box: Box) -> NDArray[np.bool_]:
     """Whether each segment (n, 3) → (n, 3) meets the closed box: the slab test."""
     along = end_mm - start_mm
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         first = (box.low_mm - start_mm) / along
         second = (box.high_mm - start_mm) / along
     near, far = np.minimum(first, second), np.maximum(first, second)
