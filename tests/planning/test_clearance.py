@@ -10,7 +10,7 @@ import pytest
 from drillc.language.job import Box
 from drillc.language.source import Span
 from drillc.planning.clearance import enters
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from language.texts import attempted, codes, in_memory, only, refused
 
