@@ -1,8 +1,9 @@
 """KUKA KRL: a .src and a .dat a program, or a main module and parts for a long one.
 
 Programs in poses give one E6POS a hole and one routine a process, which moves along the tool's axis
-by the geometric operator `HOLE:AT`. Programs in joints give one E6AXIS a hole; the routine moves
-single axes. KRL has no speed in mm/s for a single axis, so joints cannot feed a drill here.
+by the geometric operator `HOLE:AT`. With an arm, its vias are arrays beside the holes. Programs in
+joints give one E6AXIS a hole; the routine moves single axes. KRL has no speed in mm/s for a single
+axis, so joints cannot feed a drill here.
 
 Written for KSS 8 (KRC4 and later): the fault message is MsgNotify of R1/System/MsgLib, on which BAS
 itself relies there. What is not KSS 8's alone is used in its oldest form.
@@ -17,13 +18,17 @@ from typing import ClassVar
 import numpy as np
 from drillc.kernels.rotations import kuka_abc_from_matrix
 from drillc.language.diagnostics import Label, Report
-from drillc.language.job import Floats, Pose, Signal, Tool
+from drillc.language.job import JOINT_NAMES, Floats, Ints, Pose, Signal, Texts, Tool
 from drillc.language.source import Span
+from drillc.output.acceptance import ANY_MAKER
 from drillc.output.names import NameRules
-from drillc.output.numbers import Column, Fixed, fixed
+from drillc.output.numbers import Column, Fixed, Whole, fixed
 from drillc.output.post import Accepts, Option, PostProcessor, Task
-from drillc.planning.program import JointMotion, Program
+from drillc.output.vias import plain_kinds
+from drillc.planning.program import ArmMotion, JointMotion, Program
+from numpy.typing import NDArray
 
+from ._configuration import kuka_status, kuka_turn
 from ._robot import (
     analog_shown,
     analog_uses,
@@ -41,6 +46,13 @@ ANGLE_DECIMALS = 4
 #: A joint turns the whole part, and a frame carries it: one digit more, where REAL ends.
 FINE_DECIMALS = 5
 LENGTH_DECIMALS = 3
+
+#: The maker whose arms have S and T.
+MAKER = "kuka"
+#: A place is told by S and T only if they stay the same when any axis is off by this much: what
+#: rounding to a pose, and the controller's own idea of its arm's dimensions, may come to. T is 1
+#: below 0 deg, so an axis that stands at -0.01 deg would be sent once around for a hair's breadth.
+_STEADY_RAD = np.radians(0.1)
 
 #: TOOL_DATA and BASE_DATA begin at 1 (0 is the flange, and the world); 128 is KSS 8's largest.
 FRAME_NUMBERS = range(1, 129)
@@ -67,7 +79,7 @@ RESERVED = frozenset(
     TOOL_DATA BASE_DATA LOAD_DATA TOOL_NAME BASE_NAME TOOL_CORR BASE_CORR LOAD MACHINE_DEF
     FDAT PDAT LDAT FDAT_ACT PDAT_ACT LDAT_ACT HOME XHOME FHOME PDEFAULT LDEFAULT INITMOV FRAMES
     LAST_BASIS LAST_TP_PARAMS
-    HOLE DEPTH WITHDRAW AT NOW BOTTOM STANDOFF
+    HOLE DEPTH WITHDRAW AT NOW BOTTOM STANDOFF VIA_HOME VIA_PTP VIA_AXIS VIA_LIN
     """.split()  # noqa: SIM905 (a table of words)
 )
 
@@ -128,6 +140,45 @@ def _axis_columns(motion: JointMotion, axes: Sequence[str]) -> dict[str, Column]
     return columns
 
 
+def _pose_columns(position_mm: Floats, part_from_tool: Floats) -> dict[str, Column]:
+    abc_deg = np.degrees(kuka_abc_from_matrix(part_from_tool))
+    columns: dict[str, Column] = {}
+    for i in range(3):
+        columns["xyz"[i]] = Fixed(position_mm[:, i], LENGTH_DECIMALS)
+        columns["abc"[i]] = Fixed(abc_deg[:, i], ANGLE_DECIMALS)
+    return columns
+
+
+def _status_columns(arm: ArmMotion, joints: Floats) -> dict[str, Column]:
+    """S and T of joints (n, 6); none for an arm that is no KUKA."""
+    if arm.arm.model.maker != MAKER:
+        return {}
+    status, turn = _status_and_turn(arm, joints)
+    return {"s": Whole(status), "t": Whole(turn)}
+
+
+def _status_and_turn(arm: ArmMotion, joints: Floats) -> tuple[Ints, Ints]:
+    geometry = arm.arm.model.geometry
+    return kuka_status(geometry, joints, FINE_DECIMALS), kuka_turn(joints, FINE_DECIMALS)
+
+
+def told_by_status(arm: ArmMotion, joints: Floats) -> NDArray[np.bool_]:
+    """Which joints (n, 6) an E6POS tells: S and T are unmistakable, and no axis is beyond half a
+    turn. T is an axis's sign, which says where it is up to a whole turn, but only an E6AXIS says it
+    whatever the controller takes for the axis's range."""
+    told: NDArray[np.bool_] = np.all(np.abs(joints) < np.pi - _STEADY_RAD, axis=1)
+    if arm.arm.model.maker != MAKER:
+        return np.zeros_like(told)
+    meant = _status_and_turn(arm, joints)
+    for axis in range(6):
+        for off_rad in (-_STEADY_RAD, _STEADY_RAD):
+            near = joints.copy()
+            near[:, axis] += off_rad
+            for bits, own in zip(_status_and_turn(arm, near), meant, strict=True):
+                told &= bits == own
+    return told
+
+
 # ── the post ──────────────────────────────────────────────────────────────────────────────────────
 
 
@@ -137,6 +188,7 @@ class KrlPost(PostProcessor):
     accepts = Accepts(
         poses=True,
         joints=True,
+        arms=(MAKER, ANY_MAKER),
         joint_feed=False,
         spindle="signals",
         axes=tuple(f"A{i}" for i in range(1, 7)) + tuple(f"E{i}" for i in range(1, 7)),
@@ -210,11 +262,27 @@ class KrlPost(PostProcessor):
         program = task.program
         if program.motion is not None:
             return _axis_columns(program.motion, task.axes)
-        abc_deg = np.degrees(kuka_abc_from_matrix(program.part_from_tool))
-        columns: dict[str, Column] = {}
-        for i in range(3):
-            columns["xyz"[i]] = Fixed(program.holes.position_mm[:, i], LENGTH_DECIMALS)
-            columns["abc"[i]] = Fixed(abc_deg[:, i], ANGLE_DECIMALS)
+        columns = _pose_columns(program.holes.position_mm, program.part_from_tool)
+        if program.arm is not None:
+            columns.update(_status_columns(program.arm, program.arm.joints))
+        return columns
+
+    def via_kinds(self, task: Task) -> Texts:
+        """`joints` become `pose`, reached by its S and T, or `axes` where these say too little."""
+        arm = task.program.arm
+        assert arm is not None  # nothing else has vias
+        kinds = plain_kinds(arm)
+        told = np.where(told_by_status(arm, arm.vias.joints), "pose", "axes")
+        return np.where(kinds == "joints", told, kinds)
+
+    def via_columns(self, task: Task) -> dict[str, Column]:
+        arm = task.program.arm
+        assert arm is not None
+        columns = _pose_columns(arm.vias.position_mm, arm.vias.part_from_tool)
+        columns.update(_status_columns(arm, arm.vias.joints))
+        joints_deg = np.degrees(arm.vias.joints)
+        for i, axis in enumerate(JOINT_NAMES):
+            columns[axis] = Fixed(joints_deg[:, i], FINE_DECIMALS)
         return columns
 
     def context(self, task: Task) -> dict[str, object]:
@@ -230,6 +298,13 @@ class KrlPost(PostProcessor):
         }
         if frame is not None and frame.world_from_part is not None:
             context["base_data"] = _frame_text(frame.world_from_part)
+        if program.arm is not None:
+            arm = program.arm.arm
+            context["home"] = ""
+            if arm.home_rad is not None:
+                context["home"] = _parts(JOINT_NAMES, np.degrees(arm.home_rad), FINE_DECIMALS)
+            context["has_status"] = arm.model.maker == MAKER
+            context["joint_names"] = JOINT_NAMES
         if motion is not None:
             context["feed"] = task.axes[motion.feed_axis]
             context["feed_sign"] = motion.feed_sign

@@ -1,9 +1,10 @@
 """ABB RAPID: one module and its .pgf, or a main module and parts for a long program.
 
 Programs in poses give one robtarget a hole and one procedure a process, which moves along the
-tool's axis by RelTool. Programs in joints give one jointtarget a hole; the procedure moves single
-axes. An external axis alone has a speed in mm/s (`v_leax`), so a drill can be fed by one; a joint
-on a robot axis (`rax_…`) has none that is exact, so there only visits and rivets are written.
+tool's axis by RelTool. With an arm, its vias are data beside the holes. Programs in joints give one
+jointtarget a hole; the procedure moves single axes. An external axis alone has a speed in mm/s
+(`v_leax`), so a drill can be fed by one; a joint on a robot axis (`rax_…`) has none that is exact,
+so there only visits and rivets are written.
 
 RAPID knows data and signals by name: tool and work object are declared from the spec, or are the
 cell's own where the settings `tooldata` and `wobjdata` name them; a signal is its alias in io, else
@@ -22,11 +23,13 @@ from drillc.kernels.rotations import quaternion_from_matrix
 from drillc.language.diagnostics import NAMED_ROWS, Label, Report
 from drillc.language.job import Floats, Pose, Signal, Tool
 from drillc.language.source import Span
-from drillc.output.acceptance import SPINDLE_ON, SPINDLE_RUNNING, SPINDLE_SPEED
+from drillc.output.acceptance import ANY_MAKER, SPINDLE_ON, SPINDLE_RUNNING, SPINDLE_SPEED
 from drillc.output.names import NameRules
-from drillc.output.numbers import Column, Fixed, fixed
+from drillc.output.numbers import Column, Fixed, Whole, fixed
 from drillc.output.post import Accepts, Option, PostProcessor, Task
+from drillc.output.vias import plain_kinds
 from drillc.planning.program import (
+    ArmMotion,
     JointMotion,
     Plunge,
     Program,
@@ -37,6 +40,7 @@ from drillc.planning.program import (
     WaitInput,
 )
 
+from ._configuration import abb_cfx, abb_quadrants
 from ._robot import (
     analog_shown,
     check_fault,
@@ -57,6 +61,11 @@ QUATERNION_DECIMALS = 8
 UNUSED = "9E+09"
 ROBOT_AXES = tuple(f"rax_{i}" for i in range(1, 7))
 EXTERNAL_AXES = tuple(f"eax_{letter}" for letter in "abcdef")
+
+#: The maker whose arms have configuration data.
+MAKER = "abb"
+#: Data of an arm: its home, and numbered, the vias by joints and the straight ones.
+HOME, BY_AXES, BY_LINE = "via_home", "via_axes_", "via_line_"
 
 #: The work object that is declared where the spec says where the part stands.
 PART_FRAME = "part_frame"
@@ -146,14 +155,24 @@ def _wobjdata(world_from_part: Pose) -> str:
     return f'[FALSE,TRUE,"",{_pose_text(world_from_part)},[[0,0,0],[1,0,0,0]]]'
 
 
-def _pose_columns(program: Program) -> dict[str, Column]:
-    quaternions = rounded_quaternions(program.part_from_tool)
+def _pose_columns(position_mm: Floats, part_from_tool: Floats) -> dict[str, Column]:
+    quaternions = rounded_quaternions(part_from_tool)
     columns: dict[str, Column] = {
-        "xyz"[i]: Fixed(program.holes.position_mm[:, i], LENGTH_DECIMALS) for i in range(3)
+        "xyz"[i]: Fixed(position_mm[:, i], LENGTH_DECIMALS) for i in range(3)
     }
     for i in range(4):
         columns[f"q{i + 1}"] = Fixed(quaternions[:, i], QUATERNION_DECIMALS)
     return columns
+
+
+def _configuration_columns(arm: ArmMotion, joints: Floats) -> dict[str, Column]:
+    """cf1, cf4, cf6 and cfx of joints (n, 6): 0 for an arm that is not of this maker."""
+    data = np.zeros((len(joints), 4), dtype=np.int32)
+    if arm.arm.model.maker == MAKER:
+        data[:, :3] = abb_quadrants(joints, ANGLE_DECIMALS)
+        data[:, 3] = abb_cfx(arm.arm.model.geometry, joints, ANGLE_DECIMALS)
+    names = ("cf1", "cf4", "cf6", "cfx")
+    return {name: Whole(data[:, i]) for i, name in enumerate(names)}
 
 
 def _axis_columns(motion: JointMotion, axes: Sequence[str]) -> dict[str, Column]:
@@ -182,6 +201,7 @@ class RapidPost(PostProcessor):
     accepts = Accepts(
         poses=True,
         joints=True,
+        arms=(MAKER, ANY_MAKER),
         joint_feed=True,
         spindle="signals",
         axes=ROBOT_AXES + EXTERNAL_AXES,
@@ -236,10 +256,23 @@ class RapidPost(PostProcessor):
             check_fault(cycle)
 
     def columns(self, task: Task) -> dict[str, Column]:
-        motion = task.program.motion
-        if motion is None:
-            return _pose_columns(task.program)
-        return _axis_columns(motion, task.axes)
+        program, motion = task.program, task.program.motion
+        if motion is not None:
+            return _axis_columns(motion, task.axes)
+        columns = _pose_columns(program.holes.position_mm, program.part_from_tool)
+        if program.arm is not None:
+            columns.update(_configuration_columns(program.arm, program.arm.joints))
+        return columns
+
+    def via_columns(self, task: Task) -> dict[str, Column]:
+        arm = task.program.arm
+        assert arm is not None  # nothing else has vias
+        columns = _pose_columns(arm.vias.position_mm, arm.vias.part_from_tool)
+        columns.update(_configuration_columns(arm, arm.vias.joints))
+        joints_deg = np.degrees(arm.vias.joints)
+        for i, axis in enumerate(ROBOT_AXES):
+            columns[axis] = Fixed(joints_deg[:, i], ANGLE_DECIMALS)
+        return columns
 
     def context(self, task: Task) -> dict[str, object]:
         program, motion, settings = task.program, task.program.motion, task.settings
@@ -255,6 +288,10 @@ class RapidPost(PostProcessor):
         }
         if frame and frame.world_from_part and not settings["wobjdata"]:
             context["wobjdata"] = _wobjdata(frame.world_from_part)
+        if program.arm is not None:
+            home = program.arm.arm.home_rad
+            context["home"] = "" if home is None else _list(np.degrees(home), ANGLE_DECIMALS)
+            context["robot_axes"] = ROBOT_AXES
         if motion is not None:
             feed = task.axes[motion.feed_axis]
             context["feed"] = _component(feed)
@@ -414,6 +451,11 @@ def _own_names(task: Task) -> Iterator[_Own]:
     if len(task.names.modules) > 1:
         for index in range(len(task.names.modules)):
             yield _Own(f"holes_{index + 1}", "a procedure of the program", span)
+    if task.program.arm is not None:
+        yield _Own(HOME, "the arm's home", span)
+        for kind, name in (("joints", BY_AXES), ("straight", BY_LINE)):
+            for number in range(np.count_nonzero(plain_kinds(task.program.arm) == kind)):
+                yield _Own(f"{name}{number + 1}", "a way to a hole", span)
     for signal in _signals_used(task.program):
         yield _Own(signal_name(signal), f"the signal {signal.role}", signal.span)
 

@@ -83,17 +83,30 @@ def _parser() -> argparse.ArgumentParser:
     inspect.add_argument("--format", choices=("table", "csv", "json"), default="table")
     inspect.set_defaults(run=_inspect)
 
+    explain = commands.add_parser(
+        "explain", help="show what is in an arm's way at a hole, heading by heading"
+    )
+    _spec_arguments(explain, "the explanation as JSON")
+    explain.add_argument("hole", metavar="HOLE", help="the hole's id")
+    explain.set_defaults(run=_explain)
+
     posts = commands.add_parser("posts", help="list the post-processors and where they come from")
     posts.set_defaults(run=_posts)
+
+    robots = commands.add_parser("robots", help="list the arms that a spec can name")
+    robots.add_argument("--json", action="store_true", help="the list as JSON, every figure")
+    robots.set_defaults(run=_robots)
     return parser
 
 
-def _spec_arguments(parser: argparse.ArgumentParser) -> None:
+def _spec_arguments(
+    parser: argparse.ArgumentParser, json_help: str = "diagnostics as JSON, for editors"
+) -> None:
     parser.add_argument("spec", type=Path, metavar="SPEC", help="the .drill file")
     parser.add_argument(
         "--root", type=Path, metavar="DIR", help="folder that a spec's paths may not leave"
     )
-    parser.add_argument("--json", action="store_true", help="diagnostics as JSON, for editors")
+    parser.add_argument("--json", action="store_true", help=json_help)
 
 
 # ── commands ─────────────────────────────────────────────────────────────────────────────────────
@@ -119,6 +132,8 @@ def _compile(options: argparse.Namespace) -> int:
         return _refused(report.diagnostics, options.json)
     _say(report.diagnostics, options.json)
     if not options.json:
+        for note in report.notes:
+            print(note, file=sys.stderr)
         for path in written:
             print(path)
     return EXIT_FINE
@@ -137,6 +152,8 @@ def _check(options: argparse.Namespace) -> int:
     if not options.json:
         job = planned.job
         holes, regions = len(job.holes), len(job.regions)
+        for note in report.notes:
+            print(note)
         print(
             f"{options.spec}: {holes:,} hole{'s' * (holes != 1)} in "
             f"{regions} region{'s' * (regions != 1)}, no errors"
@@ -155,7 +172,26 @@ def _inspect(options: argparse.Namespace) -> int:
     except Refused:
         return _refused(report.diagnostics, options.json)
     _say(report.diagnostics, options.json, json_to=sys.stderr)
+    for note in () if options.json else report.notes:
+        print(note, file=sys.stderr)
     write_inspection(planned, options.format, sys.stdout)
+    return EXIT_FINE
+
+
+def _explain(options: argparse.Namespace) -> int:
+    from drillc.explaining import NotExplained, explain_hole, write_explanation
+    from drillc.language.diagnostics import Refused, Report
+
+    report = Report()
+    try:
+        with _progress_line() as progress:
+            found = explain_hole(options.spec, options.root, options.hole, report, progress)
+    except Refused:
+        return _refused(report.diagnostics, options.json)
+    except NotExplained as wrong:
+        print(f"drillc explain: {wrong}", file=sys.stderr)
+        return EXIT_USAGE
+    write_explanation(found, "json" if options.json else "text", sys.stdout)
     return EXIT_FINE
 
 
@@ -171,6 +207,15 @@ def _posts(options: argparse.Namespace) -> int:
         print(f"{post.name.ljust(width)}  {post.title}  ({post.origin})")
     _say(report.diagnostics, as_json=False)
     return EXIT_ERRORS if report.failed else EXIT_FINE
+
+
+def _robots(options: argparse.Namespace) -> int:
+    from drillc.catalogue import models
+    from drillc.catalogue.listing import as_json, as_table
+
+    listed = models().values()
+    print(as_json(listed) if options.json else as_table(listed), end="")
+    return EXIT_FINE
 
 
 @contextmanager

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drillc.language.diagnostics import Refused, Report
-from drillc.language.job import Emit, Floats, Job, Named
+from drillc.language.job import Arm, Emit, Floats, Job, Named, Portal
+from drillc.planning.arm_joints import ArmSolution
 from drillc.planning.portal_joints import Solution
 from drillc.planning.program import Program
 
@@ -35,21 +36,31 @@ class Planned:
 
     job: Job
     part_from_tool: Floats  # (n, 3, 3)
-    solution: Solution | None
-    program: Program
+    solution: Solution | ArmSolution | None
+    programs: tuple[Program, ...]  # one; for an arm, one a station
 
 
 def plan_spec(path: Path, root: Path | None, report: Report, progress: Progress = quiet) -> Planned:
     """Run every pass up to the Program. Raises `Refused` at the end of the first stage with errors;
     warnings stay in `report`."""
+    from drillc.planning.depths import plunge_depths
+
+    job = read_job(path, root, report, progress)
+    progress(f"solving {len(job.holes):,} holes")
+    depth_mm = plunge_depths(job, report)
+    if isinstance(job.robot, Portal):
+        return _plan_portal(job, job.robot, depth_mm, report, progress)
+    if isinstance(job.robot, Arm):
+        return _plan_arm(job, job.robot, depth_mm, report, progress)
+    return _plan_poses(job, depth_mm, report, progress)
+
+
+def read_job(path: Path, root: Path | None, report: Report, progress: Progress = quiet) -> Job:
+    """Run the passes up to the Job, its holes in the order in which they are made."""
     from drillc.language.loading import load
     from drillc.language.resolve import resolve
-    from drillc.planning.clearance import check_fixtures, check_travel
-    from drillc.planning.depths import plunge_depths
-    from drillc.planning.expected import check_expectations
-    from drillc.planning.plan import plan
-    from drillc.planning.portal_joints import solve_portal, travel_points
-    from drillc.planning.postures import check_heading_jumps, resolve_postures
+    from drillc.planning.ordering import in_order
+    from drillc.planning.surface import fit_to_surface
 
     progress("reading the spec")
     loader, loaded = load(path, root, report)
@@ -58,35 +69,70 @@ def plan_spec(path: Path, root: Path | None, report: Report, progress: Progress 
         raise AssertionError("nothing was loaded and nothing was said")
     progress("reading the holes")
     job = resolve(loaded, loader, report)
+    return in_order(fit_to_surface(job, report))
 
-    progress(f"solving {len(job.holes):,} holes")
-    depth_mm = plunge_depths(job, report)
-    solution = None
-    if job.robot is not None:
-        solution = solve_portal(job, job.robot, depth_mm, report)
-        report.stop_if_failed()
-        if solution is None:
-            raise AssertionError("no solution and nothing was said")
-        part_from_tool = solution.part_from_tool
-    else:
-        part_from_tool = resolve_postures(job, report)
+
+def _plan_portal(
+    job: Job, robot: Portal, depth_mm: Floats, report: Report, progress: Progress
+) -> Planned:
+    from drillc.planning.clearance import check_fixtures
+    from drillc.planning.expected import check_expectations
+    from drillc.planning.plan import plan
+    from drillc.planning.portal_joints import solve_portal, travel_points
+    from drillc.planning.postures import check_heading_jumps
+
+    solution = solve_portal(job, robot, depth_mm, report)
     report.stop_if_failed()
-
+    if solution is None:
+        raise AssertionError("no solution and nothing was said")
+    part_from_tool, motion = solution.part_from_tool, solution.motion
     progress(f"checking {len(job.holes):,} holes")
     check_heading_jumps(job, part_from_tool, report)
-    between = []
-    if job.robot is not None and solution is not None:
-        if job.fixtures:
-            between = travel_points(job.robot, solution)
-    else:
-        check_travel(job, part_from_tool, report)
+    between = travel_points(robot, solution) if job.fixtures else []
     check_fixtures(job, part_from_tool, depth_mm, between, report)
-    joints = None if solution is None else solution.motion.joints
-    check_expectations(job, part_from_tool, joints, report)
+    check_expectations(job, part_from_tool, motion.joints, report)
     report.stop_if_failed()
+    program = plan(job, part_from_tool, depth_mm, motion)
+    return Planned(job, part_from_tool, solution, (program,))
 
-    motion = None if solution is None else solution.motion
-    return Planned(job, part_from_tool, solution, plan(job, part_from_tool, depth_mm, motion))
+
+def _plan_arm(job: Job, arm: Arm, depth_mm: Floats, report: Report, progress: Progress) -> Planned:
+    from drillc.planning.arm_joints import solve_arm
+    from drillc.planning.clearance import check_travel
+    from drillc.planning.expected import check_expectations
+    from drillc.planning.parking import park
+    from drillc.planning.plan import plan_stations
+    from drillc.planning.postures import resolve_postures
+
+    preferred = resolve_postures(job, report)
+    report.stop_if_failed()
+    job, arm = park(job, arm, preferred, depth_mm, report, progress)
+    solution = solve_arm(job, arm, preferred, depth_mm, report, progress)
+    report.stop_if_failed()
+    if solution is None:
+        raise AssertionError("no solution and nothing was said")
+    progress(f"checking {len(job.holes):,} holes")
+    check_travel(job, solution.part_from_tool, report)
+    check_expectations(job, solution.part_from_tool, solution.joints, report)
+    report.stop_if_failed()
+    return Planned(job, solution.part_from_tool, solution, plan_stations(job, solution, depth_mm))
+
+
+def _plan_poses(job: Job, depth_mm: Floats, report: Report, progress: Progress) -> Planned:
+    from drillc.planning.clearance import check_fixtures, check_travel
+    from drillc.planning.expected import check_expectations
+    from drillc.planning.plan import plan
+    from drillc.planning.postures import check_heading_jumps, resolve_postures
+
+    part_from_tool = resolve_postures(job, report)
+    report.stop_if_failed()
+    progress(f"checking {len(job.holes):,} holes")
+    check_heading_jumps(job, part_from_tool, report)
+    check_travel(job, part_from_tool, report)
+    check_fixtures(job, part_from_tool, depth_mm, [], report)
+    check_expectations(job, part_from_tool, None, report)
+    report.stop_if_failed()
+    return Planned(job, part_from_tool, None, (plan(job, part_from_tool, depth_mm, None),))
 
 
 def check_spec(path: Path, report: Report, *, root: Path | None = None) -> Planned:
@@ -129,7 +175,8 @@ def _emit(planned: Planned, emits: Sequence[Emit], report: Report) -> list[OutFi
     files = [
         file
         for emit, post in zip(emits, chosen, strict=True)
-        for file in emit_files(post, planned.program, emit, report)
+        for program in planned.programs
+        for file in emit_files(post, program, emit, report)
     ]
     report.stop_if_failed()
     return files

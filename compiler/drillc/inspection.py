@@ -11,8 +11,9 @@ import numpy as np
 
 from drillc.driver import Planned
 from drillc.kernels.rotations import quaternion_from_matrix
-from drillc.language.job import Floats
+from drillc.language.job import JOINT_NAMES, Floats
 from drillc.output.numbers import fixed
+from drillc.planning.arm_joints import ArmSolution
 
 #: Rows turned to text at a time.
 BLOCK_ROWS = 8192
@@ -33,13 +34,18 @@ def columns(planned: Planned) -> list[Column]:
     found += [(f"{axis}_mm", holes.position_mm[:, i]) for i, axis in enumerate("xyz")]
     found += [(name, quaternion[:, i]) for i, name in enumerate(("qw", "qx", "qy", "qz"))]
     solution = planned.solution
-    if solution is not None:
+    if isinstance(solution, ArmSolution):
+        found.append(("heading_deg", np.degrees(solution.heading_rad)))
+        for i, name in enumerate(JOINT_NAMES):
+            found.append((f"{name}_deg", np.degrees(solution.joints[:, i])))
+    elif solution is not None:
         for i, axis in enumerate(solution.motion.axes):
             values = solution.motion.joints[:, i]
             if axis.rotary:
                 found.append((f"{axis.name}_deg", np.degrees(values)))
             else:
                 found.append((f"{axis.name}_mm", values))
+    if solution is not None:
         found += [("branch", solution.branch), ("margin", solution.margin)]
     return found
 

@@ -62,7 +62,7 @@ class Surroundings:
     def _region(self, text: str, kinds: Sequence[str]) -> str:
         lines = self.given["region"].splitlines(keepends=True)
         process = re.search(r"^process (\w+)", text, re.MULTILINE)
-        unwanted = [word for word in ("posture",) if "robot" in kinds]
+        unwanted = [word for word in ("posture",) if re.search(r"^robot \w+ portal", text, re.M)]
         unwanted += [word for word in ("process",) if process is None]
         kept = [line for line in lines if line.split()[0] not in unwanted]
         return "".join(kept).replace("EXAMPLE_PROCESS", process[1] if process else "")

@@ -14,10 +14,21 @@ from pathlib import Path
 import drillc
 import pytest
 from docs.examples import LANGUAGE, check_example, compiled, drill_examples
-from docs.fenced import Block, document
+from docs.fenced import Block, blocks, document
+from drillc.language.arm import DEFAULT_SINGULAR_RAD, MOST_TURNED_RAD
+from drillc.language.consistency import SAME_PLACE_MM
+from drillc.language.fields import AXES_TOLERANCE
+from drillc.language.headings import DEFAULT_CONE_RAD
 from drillc.language.holes import SAME_POSITION_MM, SCALE_RATIO
+from drillc.language.job import Weights
 from drillc.language.loading import CELL_STATEMENTS, Limit
-from drillc.language.machine import DEFAULT_UNIT_TOLERANCE, SIGNAL_ROLES
+from drillc.language.machine import (
+    DEFAULT_UNIT_TOLERANCE,
+    SIGNAL_ROLES,
+    SURFACE_WITHIN_MM,
+    SURFACE_WITHIN_RAD,
+)
+from drillc.language.mesh_files import LIKELY_MM
 from drillc.language.operations import (
     APPROACH_MM_S,
     CLEARANCE_MM,
@@ -26,7 +37,6 @@ from drillc.language.operations import (
     VISIT_STANDOFF_MM,
 )
 from drillc.language.parser import _parser
-from drillc.language.regions import DEFAULT_CONE_RAD
 from drillc.language.tables import KEYS, REQUIRED
 from drillc.language.units import UNITS
 from drillc.output.emission import options_of
@@ -36,7 +46,10 @@ from drillc.planning.cycles import PECK_GAP_MM, SPINDLE_TIMEOUT_S
 TEXT = document("language.md")
 GRAMMAR = files("drillc.grammars").joinpath("drill.lark").read_text(encoding="utf-8")
 EXAMPLES = drill_examples("language.md")
-FINE = [block for block in EXAMPLES if "error" not in block.words]
+#: What is compiled without an error: examples, and the cell files that some of them use.
+FINE = [block for block in EXAMPLES if "error" not in block.words] + [
+    block for block in blocks(TEXT) if block.file is not None and block.file.endswith(".cell")
+]
 
 _KEYWORD = re.compile(r'"([A-Za-z_]+)"')
 
@@ -202,6 +215,17 @@ def test_every_limit_is_described() -> None:
         (SPINDLE_TIMEOUT_S, "awaited for at most {:g} s"),
         (PECK_GAP_MM, "returns to {:g} mm before the last bottom"),
         (SAME_POSITION_MM, "double (within {:g} mm)"),
+        (AXES_TOLERANCE, "lengths and products may be off by {:g}, and"),
+        (SURFACE_WITHIN_MM, "the surface's own (`E346`) | none; {:g} mm,"),
+        (math.degrees(SURFACE_WITHIN_RAD), "| none; 0.5 mm, {:g} deg |"),
+        (math.degrees(DEFAULT_SINGULAR_RAD), "A6 are one line | {:g} deg |"),
+        (math.degrees(MOST_TURNED_RAD), "limits within {:g} deg either way"),
+        (LIKELY_MM[0], "A mesh smaller than {:g} mm or larger"),
+        (LIKELY_MM[1] / 1000, "or larger than {:g} m is questioned"),
+        (SAME_PLACE_MM, "agree within {:g} mm and 0.000001 rad"),
+        (Weights().deviation, "leaves the rule's | {:g} |"),
+        (Weights().travel, "joint by joint | {:g} |"),
+        (Weights().margin, "margin is used up | {:g} |"),
         (SCALE_RATIO, "a hole {:g} times farther"),
     ],
 )
@@ -216,5 +240,7 @@ def test_what_a_cell_file_and_a_table_may_hold() -> None:
     section = TEXT[TEXT.index("## holes") : TEXT.index("## region")]
     rows = [row for row in _table_rows(section) if len(row) == 3 and row[0].startswith("`")]
     assert [key for row in rows for key in row[0].replace("`", "").split()] == list(KEYS)
-    needed = [key for row in rows if row[2] == "yes" for key in row[0].replace("`", "").split()]
+    needed = [
+        key for row in rows if row[2].startswith("yes") for key in row[0].replace("`", "").split()
+    ]
     assert needed == list(REQUIRED)

@@ -40,7 +40,8 @@ class Session:
             (self.work / name).symlink_to(ROOT / name)
         for block in BLOCKS:
             if block.file is not None:
-                path = self.source / block.file
+                at = self.work if block.file.endswith(".drill") else self.source
+                path = at / block.file
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(block.text, encoding="utf-8")
 
@@ -101,7 +102,7 @@ def test_what_is_emitted_is_what_is_shown(
     told: tuple[Session, list[tuple[Block, str]]], pytestconfig: pytest.Config
 ) -> None:
     [block] = [block for block in BLOCKS if "output" in block.words]
-    emitted = (told[0].work / "out" / "nacelle" / block.words["output"]).read_text("ascii")
+    emitted = (told[0].work / "out" / "plate" / block.words["output"]).read_text("ascii")
     if pytestconfig.getoption("--update-golden"):
         (DOCS / "post-processors.md").write_text(TEXT.replace(block.text, emitted), "utf-8")
     else:

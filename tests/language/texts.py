@@ -9,10 +9,12 @@ from pathlib import Path
 from drillc.driver import Planned, plan_spec
 from drillc.language.ast import PointBlock, SpecFile, Word
 from drillc.language.diagnostics import Diagnostic, Refused, Report
-from drillc.language.loading import Loader
+from drillc.language.hole_tables import resolve_table
+from drillc.language.job import Job
+from drillc.language.loading import Loader, load
 from drillc.language.parser import parse
 from drillc.language.points import RawHoles, read_points
-from drillc.language.regions import resolve_table
+from drillc.language.resolve import resolve
 from drillc.language.source import Source
 from drillc.language.tables import Table
 from drillc.language.units import UNITS
@@ -80,7 +82,7 @@ def table(
     spec = parse(Source(folder / "spec.drill", "spec.drill", text), report)
     assert spec is not None, codes(report)
     [statement] = [s for s in spec.statements if s.kind == "holes"]
-    return resolve_table(statement, Loader(folder.resolve(), report), report), report
+    return resolve_table(statement, True, Loader(folder.resolve(), report), report), report
 
 
 def rows(*cells: Sequence[object], header: str = "ID,X,Y,Z,I,J,K") -> str:
@@ -116,3 +118,16 @@ def interval(message: str, behind: str = "h in ") -> tuple[float, float]:
     match = re.search(re.escape(behind) + r"\[([-0-9.e]+), ([-0-9.e]+)\] m", message)
     assert match, message
     return float(match[1]), float(match[2])
+
+
+def resolved(folder: Path, text: str) -> tuple[Job | None, Report]:
+    """What the language makes of a spec, and what was reported."""
+    (folder / "spec.drill").write_text(text, encoding="utf-8")
+    report = Report()
+    try:
+        loader, loaded = load(folder / "spec.drill", None, report)
+        report.stop_if_failed()
+        assert loaded is not None
+        return resolve(loaded, loader, report), report
+    except Refused:
+        return None, report

@@ -23,6 +23,7 @@ from drillc.output.names import NameRules, map_names
 from drillc.output.post import PostProcessor
 from drillc.output.registry import find_posts, list_posts
 from drillc.planning.program import Program
+from output.arm_programs import Way, arm_program, some_joints
 from output.programs import (
     drill_cycle,
     emit_of,
@@ -71,6 +72,17 @@ def _far(program: Program) -> Program:
     return program
 
 
+def _with_ways(maker: str) -> Program:
+    """Three sections, and vias of both kinds before them, between their holes and at the end."""
+    ways = [Way(i % 2 == 0, tuple(row)) for i, row in enumerate(some_joints(6, maker))]
+    return arm_program(
+        [("upper", 0, 4), ("lower", 1, 3), ("rim", 0, 5)],
+        [drill_cycle(peck_mm=3.0), rivet_cycle()],
+        maker=maker,
+        ways={0: ways[:1], 2: ways[1:4], 4: ways[2:3], 9: ways[3:5], 12: ways[5:]},
+    )
+
+
 CORPUS: dict[str, Program] = {
     "poses: drill": pose_drill(5),
     "poses: one hole": pose_drill(1),
@@ -85,6 +97,17 @@ CORPUS: dict[str, Program] = {
     "poses: near zero": _near_zero(pose_drill(6)),
     "poses: far out": _far(pose_drill(3)),
     "poses: ids that are no names": with_ids(pose_drill(4), ["1", "F-12.3/4", "a" * 64, "_"]),
+    "a kuka: drill": arm_program([("skin", 0, 5)], [drill_cycle(peck_mm=3.0, clamp=True)]),
+    "an abb: drill": arm_program([("skin", 0, 5)], [drill_cycle()], maker="abb"),
+    "another arm: without home": arm_program(
+        [("skin", 0, 3)], [rivet_cycle()], maker="other", home_deg=None
+    ),
+    "a kuka: sections and vias": _with_ways("kuka"),
+    "an abb: sections and vias": _with_ways("abb"),
+    "another arm: sections and vias": _with_ways("other"),
+    "a kuka: ids that are no names": with_ids(
+        arm_program([("skin", 0, 4)], [drill_cycle()]), ["1", "F-12.3/4", "a" * 64, "_"]
+    ),
     "joints: rivet": joint_rivet(5),
     "joints: rivet the other way": joint_rivet(5, feed_sign=-1),
     "joints: drill": joint_drill(5),
@@ -149,6 +172,8 @@ def emitted(name: str, program: Program, **settings: Any) -> dict[str, bytes]:
 def must_accept(name: str, program: Program) -> bool:
     """Whether the post has declared that it takes such a program."""
     accepts = post_of(name).accepts
+    if program.arm is not None:
+        return accepts.poses and program.arm.arm.model.maker in accepts.arms
     if program.motion is None:
         return accepts.poses
     drills = any(c.process.drill for c in program.cycles)
@@ -209,11 +234,14 @@ class TestEveryProgram:
         assert emitted(name, program) == emitted(name, program)
 
 
-@pytest.mark.parametrize("joints", [False, True])
+@pytest.mark.parametrize("kind", ["poses", "joints", "arm"])
 @pytest.mark.parametrize("size", [1, 2, 5, 11, 12, 13])
 @pytest.mark.parametrize("name", POSTS)
-def test_splitting_loses_and_doubles_no_hole(name: str, size: int, joints: bool) -> None:
-    program = mixed(joint_program if joints else pose_program, (4, 3, 5))
+def test_splitting_loses_and_doubles_no_hole(name: str, size: int, kind: str) -> None:
+    if kind == "arm":
+        program = CORPUS["another arm: sections and vias"]
+    else:
+        program = mixed(joint_program if kind == "joints" else pose_program, (4, 3, 5))
     post = post_of(name)
     if not must_accept(name, program) or not post.split_files:
         return

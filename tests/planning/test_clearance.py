@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drillc.language.job import Box
-from drillc.language.source import Span
+from drillc.geometry.shapes import Mesh, RoundedHull, bounds_mm, capsule, cylinder, placed, sphere
+from drillc.geometry.shapes import box as box_between
 from drillc.planning.clearance import enters
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from language.texts import attempted, codes, in_memory, only, refused
-
-SPAN = Span(in_memory("x"), 1, 1)
+from language.texts import attempted, codes, only, refused
 
 #: Small whole numbers make segments that touch, graze, or lie in a face.
 GRID = st.tuples(*[st.integers(-4, 4).map(float)] * 3)
@@ -22,13 +20,13 @@ ANYWHERE = st.tuples(*[st.floats(-4, 4)] * 3)
 VECTORS = GRID | ANYWHERE
 
 
-def box_of(one: tuple[float, ...], other: tuple[float, ...]) -> Box:
+def box_of(one: tuple[float, ...], other: tuple[float, ...]) -> RoundedHull:
     corners = np.array([one, other])
-    return Box(corners.min(axis=0), corners.max(axis=0), SPAN)
+    return box_between(corners.min(axis=0), corners.max(axis=0))
 
 
-def entered(start: tuple[float, ...], end: tuple[float, ...], box: Box) -> bool:
-    found = enters(np.array([start]), np.array([end]), box)
+def entered(start: tuple[float, ...], end: tuple[float, ...], solid: RoundedHull | Mesh) -> bool:
+    found = enters(np.array([start]), np.array([end]), solid)
     assert found.shape == (1,)
     return bool(found[0])
 
@@ -44,12 +42,13 @@ def test_against_points_along_the_segment(
     """A point of the segment inside the box means that it enters; none near it means that it does
     not. Points are so dense that a box a little larger than their distance cannot be missed."""
     box = box_of(one, other)
+    low_mm, high_mm = bounds_mm(box)
     share = np.linspace(0, 1, 2001)[:, None]
     along = (1 - share) * np.array(start) + share * np.array(end)
     step = float(np.linalg.norm(np.array(end) - np.array(start))) / 2000
     # Rounding may carry a point of a face over it.
-    deep = ((along > box.low_mm + 1e-9) & (along < box.high_mm - 1e-9)).all(axis=1).any()
-    near = ((along >= box.low_mm - step) & (along <= box.high_mm + step)).all(axis=1).any()
+    deep = ((along > low_mm + 1e-9) & (along < high_mm - 1e-9)).all(axis=1).any()
+    near = ((along >= low_mm - step) & (along <= high_mm + step)).all(axis=1).any()
     found = entered(start, end, box)
     if deep:
         assert found
@@ -66,9 +65,10 @@ def test_exactly_where_arithmetic_is_exact(
 ) -> None:
     """In fractions, touching counts: the box is closed."""
     box = box_of(one, other)
-    assume(np.all(box.high_mm > box.low_mm))
+    low_mm, high_mm = bounds_mm(box)
+    assume(np.all(high_mm > low_mm))
     least, most = Fraction(0), Fraction(1)
-    for a, b, low, high in zip(start, end, box.low_mm, box.high_mm, strict=True):
+    for a, b, low, high in zip(start, end, low_mm, high_mm, strict=True):
         if a == b:
             if not low <= a <= high:
                 least = Fraction(2)
@@ -109,6 +109,45 @@ def test_many_segments_at_once() -> None:
     end = np.array([[0.5, 0.5, 2], [6, 6, 6], [9, 9, 9]])
     assert enters(start, end, UNIT).tolist() == [True, False, True]
     assert enters(start[:0], end[:0], UNIT).tolist() == []
+
+
+CUBE = Mesh(
+    100.0 * UNIT.points_mm,
+    np.array(
+        [
+            *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)),
+            *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
+        ]
+    ),
+)
+TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("solid", "start", "end", "inside"),
+    [
+        (sphere((0, 0, 0), 10.0), (-20, 9.9, 0), (20, 9.9, 0), True),
+        (sphere((0, 0, 0), 10.0), (-20, 10.1, 0), (20, 10.1, 0), False),
+        (sphere((0, 0, 0), 10.0), (1, 0, 0), (2, 0, 0), True),  # wholly inside
+        (sphere((0, 0, 0), 10.0), (7.2, 7.2, 0), (20, 20, 0), False),  # in the box around it only
+        (capsule((0, 0, 0), (0, 0, 50), 10.0), (9.9, -9, 25), (9.9, 9, 25), True),
+        (capsule((0, 0, 0), (0, 0, 50), 10.0), (0, 0, 60.1), (0, 0, 99), False),
+        (cylinder((0, 0, 0), (0, 0, 50), 10.0), (9.9, 0, 25), (9.9, 0, 49), True),
+        (cylinder((0, 0, 0), (0, 0, 50), 10.0), (10.1, 0, 25), (10.1, 0, 49), False),
+        (cylinder((0, 0, 0), (0, 0, 50), 10.0), (9, 9, 25), (9, 9, 49), False),
+        # The corner of a turned box is at (0.2, 1.4): the one beside it, (0, 1.4), is outside.
+        (placed(UNIT, TURN, (0, 0, 0)), (0.2, 1.3, 0.5), (0.2, 1.2, 0.5), True),
+        (placed(UNIT, TURN, (0, 0, 0)), (-0.1, 1.3, 0.5), (-0.3, 1.2, 0.5), False),
+        (CUBE, (40, 50, 50), (60, 50, 50), True),  # wholly inside a mesh
+        (CUBE, (50, 50, -10), (50, 50, 200), True),
+        (CUBE, (100.1, 50, -10), (100.1, 50, 200), False),
+    ],
+)
+def test_other_solids_than_boxes(
+    solid: RoundedHull | Mesh, start: tuple[float, ...], end: tuple[float, ...], inside: bool
+) -> None:
+    assert entered(start, end, solid) == inside
+    assert entered(end, start, solid) == inside
 
 
 # ── what is reported ─────────────────────────────────────────────────────────────────────────────

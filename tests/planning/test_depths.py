@@ -40,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def depths(folder: Path, text: str) -> list[float]:
-    return planned(folder, text).program.depth_mm.tolist()
+    return planned(folder, text).programs[0].depth_mm.tolist()
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_regions_do_not_mix(folder: Path) -> None:
     text = text.replace("select t not in r }", "select t not in r where not in c }")
     result = planned(folder, text)
     assert result.job.holes.ids.tolist() == ["B", "C", "A", "D"]
-    assert result.program.depth_mm.tolist() == [2, 3, 0, 0]
+    assert result.programs[0].depth_mm.tolist() == [2, 3, 0, 0]
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ region r4 { posture x toward +X  process b
 
 
 def test_cycles_in_the_order_in_which_regions_use_them(tmp_path: Path) -> None:
-    program = planned(tmp_path, SPEC).program
+    program = planned(tmp_path, SPEC).programs[0]
     assert [cycle.process.name for cycle in program.cycles] == ["b", "visit", "a"]
     found = [(s.region, s.cycle, s.start, s.stop) for s in program.sections]
     assert found == [("r1", 0, 0, 1), ("r2", 1, 1, 2), ("r3", 2, 2, 3), ("r4", 0, 3, 5)]
@@ -35,12 +35,12 @@ def test_processes_of_a_cell_that_nobody_uses_are_left_out(tmp_path: Path) -> No
     cell = "drill 1\nprocess c { approach 1 m  retract 1 m }\n"
     (tmp_path / "c.cell").write_text(cell)
     text = SPEC.replace("program P", 'program P\nuse "c.cell"')
-    program = planned(tmp_path, text).program
+    program = planned(tmp_path, text).programs[0]
     assert [cycle.process.name for cycle in program.cycles] == ["b", "visit", "a"]
 
 
 def test_what_a_program_of_poses_has(tmp_path: Path) -> None:
-    program = planned(tmp_path, SPEC).program
+    program = planned(tmp_path, SPEC).programs[0]
     assert program.name == "P"
     assert program.motion is None
     assert program.tool is not None
@@ -52,7 +52,7 @@ def test_what_a_program_of_poses_has(tmp_path: Path) -> None:
 
 
 def test_sections_cover_all_holes_once(tmp_path: Path) -> None:
-    program = planned(tmp_path, SPEC).program
+    program = planned(tmp_path, SPEC).programs[0]
     edges = [(section.start, section.stop) for section in program.sections]
     assert [start for start, _ in edges] == [0, *(stop for _, stop in edges[:-1])]
     assert edges[-1][1] == len(program.holes)
@@ -70,7 +70,7 @@ robot r portal { D 10 m  H 5 m  d 0.75 m  height centre  side below
   limits { q3 -180 deg .. 180 deg  q5 -3 m .. 3 m } }
 region s { points m { A (5, 0.1, 0.2) normal (0, 0, 1) } }
 """
-    program = planned(tmp_path, text).program
+    program = planned(tmp_path, text).programs[0]
     assert program.tool is None
     assert program.motion is not None
     assert [axis.name for axis in program.motion.axes] == ["q1", "q2", "q3", "q4", "q5", "q6"]

@@ -74,7 +74,7 @@ def rapid_events(program: Program, files: dict[str, bytes]) -> list[Event]:
 @few
 @given(pose_cases())
 def test_krl_and_rapid_do_what_the_spec_says(case: PoseCase) -> None:
-    files, program = emitted(case.spec), planned(case.spec).program
+    files, program = emitted(case.spec), planned(case.spec).programs[0]
     compare(krl_events(program, files), expected(program, home=True), mm=MM, deg=DEG)
     compare(rapid_events(program, files), expected(program, home=False), mm=MM, deg=DEG)
 
@@ -89,7 +89,7 @@ def test_they_do_it_in_parts_too(case: PoseCase) -> None:
         for text in case.spec.texts
     ]
     spec = replace(case.spec, texts=tuple(texts))
-    files, program = emitted(spec), planned(spec).program
+    files, program = emitted(spec), planned(spec).programs[0]
     count = len(program.holes)
     parts = [range(i, min(i + 2, count)) for i in range(0, count, 2)]
     wanted = expected(program, parts=parts, home=True)
@@ -125,7 +125,8 @@ def test_linuxcnc_puts_every_hole_where_the_joints_are(case: PortalCase) -> None
 
 def assert_hole(result: Planned, row: int, places: list[dict[str, float]]) -> None:
     """One hole's moves: withdrawn first, then turned and carried, then along Z alone and out."""
-    program, motion = result.program, result.program.motion
+    program = result.programs[0]
+    motion = program.motion
     assert motion is not None
     [process] = [
         program.cycles[section.cycle].process

@@ -37,7 +37,9 @@ class ReadError(AssertionError):
 class Move:
     """`pose` or `joints` is given, or neither for home. `straight`: along a line, at `speed` mm/s.
 
-    `speed` is None where the language states only a share of full speed.
+    `speed` is None where the language states only a share of full speed. An expected move of an
+    arm's axes has both pose and joints. `configuration`: what the target says of the arm's posture,
+    in the language's own numbers, where the move goes by it.
     """
 
     straight: bool
@@ -46,6 +48,7 @@ class Move:
     speed: float | None = None
     tool: str = ""
     frame: str = ""
+    configuration: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -130,12 +133,16 @@ def expected(
 ) -> list[Event]:
     """The events of a whole program, `parts` after one another; `dead` speaks in roles.
 
-    Without `home` a program in poses begins and ends wherever it is. What a program in joints does
-    before its first hole and after its last depends on where the machine stands, so tests state it.
+    Without `home` a program in poses begins and ends wherever it is; one for an arm makes its vias,
+    and its parts follow on one another. What a program in joints does before its first hole and
+    after its last depends on where the machine stands, so tests state it.
     """
     world = World(dead or {})
     events: list[Event] = []
     try:
+        if program.arm is not None:
+            _with_vias(program, world, events)
+            return events
         for part in parts or [range(len(program.holes))]:
             events += [Move(False)] if home else []
             for section in program.sections:
@@ -150,6 +157,23 @@ def expected(
     except TimedOutError:
         events.append(Stop())
     return events
+
+
+def _with_vias(program: Program, world: World, events: list[Event]) -> None:
+    """The holes in order, each after its vias; what follows the last hole is of its process."""
+    assert program.arm is not None
+    vias, last = program.arm.vias, len(program.holes)
+    cycles = [s.cycle for s in program.sections for _ in range(s.start, s.stop)]
+    for row in range(last + 1):
+        travel = program.cycles[cycles[min(row, last - 1)]].process.travel_mm_s
+        for i in [i for i, before in enumerate(vias.before.tolist()) if before == row]:
+            pose = np.eye(4)
+            pose[:3, :3], pose[:3, 3] = vias.part_from_tool[i], vias.position_mm[i]
+            degrees = (vias.joints[i] * 180.0 / math.pi).tolist()
+            joints = {f"A{k + 1}": degrees[k] for k in range(6)} if vias.by_joints[i] else None
+            events.append(Move(joints is None, pose, joints, travel))
+        if row < last:
+            _hole(program, row, cycles[row], (), world, events)
 
 
 def _pose(program: Program, row: int, depth: float) -> Matrix:

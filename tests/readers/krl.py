@@ -31,6 +31,7 @@ from scipy.spatial.transform import Rotation
 
 NAME_LENGTH, STRING_LENGTH, LINE_LENGTH = 24, 80, 470
 FRAME_PARTS = ("X", "Y", "Z", "A", "B", "C")
+STATUS = ("S", "T")
 AXES = tuple(f"{letter}{i}" for letter in "AE" for i in range(1, 7))
 TYPES = ("INT", "REAL", "BOOL", "FRAME", "E6POS", "E6AXIS")
 #: Words that begin a line and that this reader runs, beside assignments and calls.
@@ -53,12 +54,21 @@ class Routine:
 
 @dataclass
 class Controller:
-    """Files that were loaded: routines and data by file, and what is global."""
+    """Files that were loaded: routines by name (file and name, if local), data by file, and what is
+    global."""
 
     routines: dict[str, Routine] = field(default_factory=dict)
     data: dict[str, dict[str, Any]] = field(default_factory=dict)
     shared: dict[str, Any] = field(default_factory=dict)
     public: set[str] = field(default_factory=set)
+
+
+class Array(list[dict[str, float]]):
+    """A declared array: aggregates of one type, empty until they are given a value."""
+
+    def __init__(self, kind: str, size: int) -> None:
+        super().__init__({} for _ in range(size))
+        self.kind = kind
 
 
 # ── reading ──────────────────────────────────────────────────────────────────────────────────────
@@ -80,7 +90,8 @@ def load(files: Mapping[str, bytes]) -> Controller:
         else:
             raise ReadError(f"{path}: not a file of this controller")
     for stem in controller.data:
-        clash = set(controller.data[stem]) & set(controller.routines)
+        names = {routine.name for routine in controller.routines.values()}
+        clash = set(controller.data[stem]) & names
         if clash:
             raise ReadError(f"{stem}: {clash} are both data and routines")
     return controller
@@ -173,7 +184,7 @@ def _read_data(controller: Controller, stem: str, lines: Sequence[str]) -> None:
             if kind not in TYPES:
                 raise ReadError(f"{line}: type {kind}")
             if words[2:3] == ["["]:
-                _declare(table, name, [{} for _ in range(int(words[3]))], line)
+                _declare(table, name, Array(kind, int(words[3])), line)
                 if words[4:] != ["]"]:
                     raise ReadError(line)
                 continue
@@ -184,18 +195,23 @@ def _read_data(controller: Controller, stem: str, lines: Sequence[str]) -> None:
             continue
         name = words[0]
         array = own[name] if name in own else controller.shared[name]
-        if words[1] != "[" or words[3:5] != ["]", "="]:
+        index = int(words[2]) - 1
+        if words[1] != "[" or words[3:5] != ["]", "="] or not isinstance(array, Array):
             raise ReadError(line)
-        array[int(words[2]) - 1] = _aggregate(words[5:], "FRAME", line)
+        if not 0 <= index < len(array) or array[index]:
+            raise ReadError(f"{line}: no such element, or it has its value already")
+        array[index] = _aggregate(words[5:], array.kind, line)
     if stem.upper() in own:
         raise ReadError(f"{stem}: data with the name of its module")
 
 
 def _aggregate(words: Sequence[str], kind: str, line: str) -> dict[str, float]:
-    """{X 1.0,Y -2.0,…}: constants only, each component once, all of the type's."""
+    """{X 1.0,Y -2.0,…}: constants only, each component once, all of the type's. S and T, which are
+    whole numbers, only both."""
     if words[0] != "{" or words[-1] != "}":
         raise ReadError(f"{line}: no aggregate")
     allowed = AXES if kind == "E6AXIS" else FRAME_PARTS
+    allowed += STATUS if kind == "E6POS" else ()
     parts: dict[str, float] = {}
     at = 1
     while at < len(words) - 1:
@@ -210,8 +226,11 @@ def _aggregate(words: Sequence[str], kind: str, line: str) -> dict[str, float]:
         if at < len(words) - 1 and words[at] != ",":
             raise ReadError(line)
         at += 1
-    if kind != "E6AXIS" and tuple(parts) != FRAME_PARTS:
+    if kind != "E6AXIS" and tuple(parts) not in (FRAME_PARTS, FRAME_PARTS + STATUS):
         raise ReadError(f"{line}: not all of {FRAME_PARTS}")
+    for part, most in zip(STATUS, (8, 64), strict=True):
+        if parts.get(part, 0.0) not in range(most):
+            raise ReadError(f"{line}: {part}")
     return parts
 
 
@@ -234,9 +253,10 @@ def _read_source(controller: Controller, stem: str, lines: Sequence[str]) -> Non
             if current is None:
                 raise ReadError(f"{stem}: END without DEF")
             _check_order(current)
-            if current.name in controller.routines:
+            own = current.name if current.is_global else f"{current.scope}.{current.name}"
+            if {own, current.name} & set(controller.routines):
                 raise ReadError(f"{current.name} is defined twice")
-            controller.routines[current.name] = current
+            controller.routines[own] = current
             current = None
         elif current is None:
             raise ReadError(f"{stem}: {line} outside of DEF")
@@ -318,6 +338,7 @@ class _Machine:
         self.speed: float | None = None  # m/s, none until it is set
         self.tool = self.base = ""
         self.ahead = False  # whether the interpreter may be ahead of the tool
+        self.settled = False  # whether a PTP has said where the axes are
         self.initialised = False
         self.frames: list[dict[str, Any]] = []
         self.here: Routine
@@ -325,12 +346,14 @@ class _Machine:
     # statements
 
     def call(self, name: str, arguments: list[Any]) -> None:
-        routine = self.controller.routines.get(name)
-        if routine is None or not (routine.is_global or routine.scope == self.here.scope):
+        routines, before = self.controller.routines, getattr(self, "here", None)
+        routine = routines.get(name)
+        if before is not None:
+            routine = routines.get(f"{before.scope}.{name}", routine)
+        if routine is None:
             raise ReadError(f"{name} is not known here")
         if len(arguments) != len(routine.parameters):
             raise ReadError(f"{name} takes {routine.parameters}, not {arguments}")
-        before = getattr(self, "here", None)
         self.here = routine
         self.frames.append({})
         local = self.frames[-1]
@@ -437,6 +460,9 @@ class _Machine:
         if not (self.initialised and self.run.velocities):
             raise ReadError("a move before BAS has set speeds")
         self.ahead = True
+        if straight and not self.settled:
+            raise ReadError(f"LIN {words}: the first move, whatever the axes are at")
+        self.settled = True
         if words == ["$H_POS"]:
             self.world.joints.update(self.home)
             self.run.events.append(Move(False))
@@ -457,8 +483,9 @@ class _Machine:
             if self.speed is None:
                 raise ReadError("LIN without $VEL.CP")
             speed = self.speed * 1000.0
+        said = () if straight else tuple(int(target[part]) for part in STATUS if part in target)
         self.run.events.append(
-            Move(straight, matrix(target), speed=speed, tool=self.tool, frame=self.base)
+            Move(straight, matrix(target), None, speed, self.tool, self.base, said)
         )
 
     def _wait_for(self, words: list[str]) -> None:

@@ -273,9 +273,9 @@ def _typed(kind: str, value: Any, name: str) -> Any:
 
     if kind == "robtarget":
         trans, rot, conf, ext = shaped(value, 3, 4, 4, 6)
-        if conf != [0.0] * 4 or ext != [NO_AXIS] * 6:
+        if any(part != int(part) for part in conf) or ext != [NO_AXIS] * 6:
             raise ReadError(f"{name}: {conf} {ext}")
-        return {"matrix": pose([trans, rot])}
+        return {"matrix": pose([trans, rot]), "conf": tuple(int(part) for part in conf)}
     if kind == "jointtarget":
         robax, extax = shaped(value, 6, 6)
         return {
@@ -347,7 +347,7 @@ class _Machine:
         self.signals = signals
         self.known = [name.lower() for name in known]
         self.run = Run()
-        self.settled: set[str] = set()
+        self.watched = {"confj": True, "confl": True}  # as the controller has it at first
         self.frames: list[dict[str, Any]] = []
         self.here: Routine
 
@@ -393,9 +393,9 @@ class _Machine:
         name, parts = words[0], _split(words[1:])
         match name:
             case "confj" | "confl":
-                if words[1:] != ["\\", "off"]:
+                if words[1:-1] != ["\\"] or words[-1] not in ("on", "off"):
                     raise ReadError(f"{words}")
-                self.settled.add(name)
+                self.watched[name] = words[-1] == "on"
             case "movej" | "movel":
                 self._move(name == "movel", parts)
             case "moveabsj":
@@ -440,7 +440,7 @@ class _Machine:
         self.run.events.append(Await(name, seconds, came))
 
     def _move(self, straight: bool, parts: list[list[str]]) -> None:
-        if self.settled != {"confj", "confl"}:
+        if self.watched["confl" if straight else "confj"]:
             raise ReadError("a move with configurations watched")
         target, speed, zone, tool = parts
         if zone != ["fine"]:
@@ -470,10 +470,13 @@ class _Machine:
         [tool_name] = tool
         if tool_name not in self.known:
             self.lookup(tool_name)
-        if (speed[0], speed[2::2], len(speed)) != ("[", [",", ",", ",", "]"], 9):
+        if speed[:4] == ["v100", "\\", "v", ":="]:
+            tcp = linear = self._number(speed[4:])
+        elif (speed[0], speed[2::2], len(speed)) == ("[", [",", ",", ",", "]"], 9):
+            tcp, turn, linear, rotary = (float(word) for word in speed[1::2])
+            self.run.speeds.append((tcp, turn, linear, rotary))
+        else:
             raise ReadError(f"{speed}: no speeddata")
-        tcp, turn, linear, rotary = (float(word) for word in speed[1::2])
-        self.run.speeds.append((tcp, turn, linear, rotary))
         value = self._value(place[:1])
         if not _is("jointtarget", value):
             raise ReadError(f"{place}: no jointtarget")

@@ -281,7 +281,7 @@ def test_the_panels_orientations_follow_from_the_ids(panel):
 def test_the_panel_is_drilled_through_and_sunk(panel):
     assert set(panel["DIA"].tolist()) == {4.8}
     depth = panel["GRIP"] + 2.0 + (8.2 - 4.8) / 2.0 / np.tan(np.radians(50.0))
-    assert np.abs(planned("panel.drill").program.depth_mm - depth).max() < 1e-9
+    assert np.abs(planned("panel.drill").programs[0].depth_mm - depth).max() < 1e-9
     assert set(panel["GRIP"].tolist()) == {3.4, 3.8, 4.6, 5.0}
 
 
@@ -411,7 +411,7 @@ def test_the_skins_cycles_stay_inside_the_limits(skin):
     high = np.array([4950.0, 4950.0, 60.0, 9800.0, 1500.0, 4920.0])
     assert ((q >= low - 1e-6) & (q <= high + 1e-6)).all()
     assert (q[:, 5] - skin.standoff >= 100.0).all()
-    motion = planned("skin_portal.drill").program.motion
+    motion = planned("skin_portal.drill").programs[0].motion
     assert motion is not None
     assert (motion.withdraw_mm >= 100.0).all()
     assert (motion.withdraw_mm <= q[:, 5] - skin.standoff + 1e-6).all()
@@ -423,7 +423,7 @@ def test_while_the_part_moves_the_tool_stays_clear_of_the_skin(skin):
     """From rivet to rivet all joints but q6 run together, with the tool withdrawn; forward
     kinematics put the tool's tip into the part's frame."""
     q = joints(inspected("skin_portal.drill"))
-    motion = planned("skin_portal.drill").program.motion
+    motion = planned("skin_portal.drill").programs[0].motion
     assert motion is not None
     for share in np.linspace(0.0, 1.0, 9):
         q1, q2, q3, q4, q5, _ = (q[:-1] + share * (q[1:] - q[:-1])).T

@@ -182,17 +182,23 @@ def _block(
 
 
 def heading_jump_rad(part_from_tool: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far the tool turns about its own axis between neighbours: (n, 3, 3) to (n - 1,), rad.
+    """How far the tool turns about its own axis between neighbours: (n, 3, 3) to (n - 1,), 0 to pi;
+    see `heading_turn_rad`."""
+    return np.abs(heading_turn_rad(part_from_tool))
+
+
+def heading_turn_rad(part_from_tool: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The turn of the tool about its own axis between neighbours: (n, 3, 3) to (n - 1,), signed.
 
     Tool k's frame is carried to hole k + 1 by the smallest rotation that takes z_k to z_{k+1}
-    (parallel transport); the jump, 0 to pi, is the angle about z_{k+1} from the carried x axis to
+    (parallel transport); the turn, -pi to pi, is the angle about z_{k+1} from the carried x axis to
     x_{k+1}. That is the twist of D = R_k^T R_{k+1} about z: atan2(D10 - D01, D00 + D11).
 
     Where z_{k+1} = -z_k every half turn about a perpendicular axis is smallest, and one of them
-    carries x_k onto x_{k+1}: the jump is 0. NaN where either neighbour is NaN; (0,) for n < 2.
+    carries x_k onto x_{k+1}: the turn is 0. NaN where either neighbour is NaN; (0,) for n < 2.
     """
     n = max(len(part_from_tool) - 1, 0)
-    jump_rad = np.empty(n)
+    turn_rad = np.empty(n)
     with np.errstate(invalid="ignore", over="ignore"):
         for start in range(0, n, _BLOCK):
             stop = min(start + _BLOCK, n)
@@ -203,8 +209,8 @@ def heading_jump_rad(part_from_tool: NDArray[np.float64]) -> NDArray[np.float64]
             (x0, y0), (x1, y1) = xy[:, :, :-1], xy[:, :, 1:]
             sine = (y0 * x1).sum(axis=0) - (x0 * y1).sum(axis=0)
             cosine = (x0 * x1).sum(axis=0) + (y0 * y1).sum(axis=0)
-            jump = np.abs(np.arctan2(sine, cosine))
+            turn = np.arctan2(sine, cosine)
             # hypot(sine, cosine) = 1 + cos of the angle between the tool axes
-            jump[np.hypot(sine, cosine) < 2.0 * _ANTIPARALLEL] = 0.0
-            jump_rad[start:stop] = jump
-    return jump_rad
+            turn[np.hypot(sine, cosine) < 2.0 * _ANTIPARALLEL] = 0.0
+            turn_rad[start:stop] = turn
+    return turn_rad

@@ -64,11 +64,28 @@ class Rotation:
 
 
 @dataclass(frozen=True)
+class FrameAxes:
+    """`axes (…) (…) (…)`: a frame's x, y and z axes."""
+
+    axes: tuple[Numbers, Numbers, Numbers]
+    span: Span
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """A frame's axes, where given, then rotations about the turned frame's own axes, left to
+    right."""
+
+    axes: FrameAxes | None
+    rotations: tuple[Rotation, ...]
+
+
+@dataclass(frozen=True)
 class Placement:
-    """A translation, then rotations about the moved frame's own axes, left to right."""
+    """A translation, then an orientation about the moved frame's origin."""
 
     at: Numbers
-    rotations: tuple[Rotation, ...]
+    orientation: Orientation
 
 
 @dataclass(frozen=True)
@@ -161,7 +178,19 @@ class Select:
 
 # ── statements ───────────────────────────────────────────────────────────────────────────────────
 
-Value = Word | Text | Quantity | Numbers | Range | Placement | Rule | PointBlock | Select | None
+Value = (
+    Word
+    | Text
+    | Quantity
+    | Numbers
+    | Range
+    | Orientation
+    | Placement
+    | Rule
+    | PointBlock
+    | Select
+    | None
+)
 
 
 @dataclass(frozen=True)

@@ -80,6 +80,8 @@ class Builder:
             return self.range(node)
         if rule == "placement":
             return self.placement(node)
+        if rule == "orientation":
+            return self.orientation(node)
         if rule == "rule":
             return self.rule(node)
         raise AssertionError(f"no value for rule {rule}")
@@ -135,14 +137,23 @@ class Builder:
         return ast.Range(low, high, self.tree_span(tree))
 
     def placement(self, tree: Tree[Token]) -> ast.Placement:
-        at, *rotations = (_tree(child) for child in tree.children)
-        return ast.Placement(
-            self.numbers(at),
-            tuple(
-                ast.Rotation(self.word(_token(r.children[0])), self.quantity(_tree(r.children[1])))
-                for r in rotations
-            ),
+        at, orientation = map(_tree, tree.children)
+        return ast.Placement(self.numbers(at), self.orientation(orientation))
+
+    def orientation(self, tree: Tree[Token]) -> ast.Orientation:
+        axes, *rotations = tree.children
+        return ast.Orientation(
+            None if axes is None else self.frame_axes(_tree(axes)),
+            tuple(self.rotation(_tree(rotation)) for rotation in rotations),
         )
+
+    def frame_axes(self, tree: Tree[Token]) -> ast.FrameAxes:
+        x, y, z = (self.numbers(_tree(child)) for child in tree.children)
+        return ast.FrameAxes((x, y, z), self.tree_span(tree))
+
+    def rotation(self, tree: Tree[Token]) -> ast.Rotation:
+        axis, angle = tree.children
+        return ast.Rotation(self.word(_token(axis)), self.quantity(_tree(angle)))
 
     def rule(self, tree: Tree[Token]) -> ast.Rule:
         axis, *rest = tree.children
@@ -209,9 +220,16 @@ class Builder:
 #: Rules that are values of a statement, not items of its block.
 _VALUES = {"number", "quantity", "triple", "vector", "placement", "direction", "range"}
 #: Rules whose item is named by what the user wrote, not by a keyword.
-_NAMED_ITEMS = {"limit", "joint_speed", "signal", "column", "axis", "setting"}
+_NAMED_ITEMS = {
+    *("limit", "joint_speed", "joint_angle", "dimension", "weight"),
+    *("signal", "column", "axis", "setting"),
+}
 #: Items within items.
-_NESTED = {"limit", "joint_speed", "column", "axis", "stack", "sink_by", "sink_diameter"}
+_NESTED = {
+    *("limit", "joint_speed", "joint_angle", "dimension", "weight", "link"),
+    *("box", "sphere", "capsule", "cylinder", "mesh"),
+    *("column", "axis", "stack", "sink_by", "sink_diameter"),
+}
 #: Rule names that differ from the keyword the user wrote.
 _KEYS = {
     "portal_d_big": "D",
@@ -219,6 +237,9 @@ _KEYS = {
     "portal_d": "d",
     "tool_number": "number",
     "use_process": "process",
+    "use_station": "station",
+    "base_at": "base",
+    "base_auto": "base",
     "sink_by": "by",
     "sink_diameter": "diameter",
 }

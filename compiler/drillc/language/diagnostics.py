@@ -56,9 +56,11 @@ class Refused(Exception):  # noqa: N818  (a verdict on the spec, no error of the
 
 @dataclass
 class Report:
-    """Diagnostics in the order they were found."""
+    """Diagnostics in the order they were found, and notes: what drillc decided where the spec left
+    it to decide."""
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     def error(
         self,
@@ -74,6 +76,10 @@ class Report:
         self.diagnostics.append(Diagnostic(code, clipped[0], span, tuple(labels), clipped[1]))
 
     warn = error
+
+    def note(self, text: str) -> None:
+        """Add a note: one line, no mistake."""
+        self.notes.append(text)
 
     @property
     def failed(self) -> bool:

@@ -8,10 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from drillc.kernels.rotations import matrix_from_euler, matrix_from_quaternion
-from drillc.language.ast import Item, Numbers, Quantity, Statement, Word
+from drillc.language.ast import Item, Numbers, Quantity, Statement, Value, Word
 from drillc.language.diagnostics import Report
 from drillc.language.fields import did_you_mean, in_unit, lengths, measure, of_type, whole
 from drillc.language.job import (
+    JOINT_NAMES,
+    PORTAL_JOINTS,
+    ROTARY_JOINT,
+    Arm,
     Expect,
     ExpectCount,
     ExpectJoints,
@@ -20,15 +24,14 @@ from drillc.language.job import (
     Portal,
     Region,
 )
-from drillc.language.machine import ROTARY_JOINT
 from drillc.language.regions import Resolved
-from drillc.language.units import UNITS, convert, said
+from drillc.language.units import UNITS, Dimension, convert, said
 
 
 def resolve_expects(
     statements: Sequence[Statement],
     resolved: Resolved,
-    robot: Portal | None,
+    robot: Portal | Arm | None,
     report: Report,
 ) -> tuple[Expect, ...]:
     """Each expectation with its hole's row and its values in mm and radians.
@@ -81,7 +84,7 @@ def _count(
 
 
 def _of_hole(
-    row: int, statement: Statement, item: Item, robot: Portal | None, report: Report
+    row: int, statement: Statement, item: Item, robot: Portal | Arm | None, report: Report
 ) -> Expect | None:
     span = statement.span
     match item.key.text:
@@ -151,43 +154,51 @@ def _euler(sequence: Word, triple: Numbers, unit: object, report: Report) -> np.
 
 
 def _joints(
-    row: int, statement: Statement, item: Item, robot: Portal | None, report: Report
+    row: int, statement: Statement, item: Item, robot: Portal | Arm | None, report: Report
 ) -> Expect | None:
     if robot is None:
         report.error(
             "E252",
             "joints are expected, but the spec has no robot",
             statement.span,
-            hint="declare one: robot NAME portal { … }",
+            hint="declare one: robot NAME arm { … }; or robot NAME portal { … }",
         )
         return None
-    *values, first, second = (v for v in item.values if isinstance(v, Quantity))
-    if item.values[-1] is None:
-        values, first, second = [*values, first], second, None  # type: ignore[assignment]
-    if len(values) != len(robot.limits):
+    *values, first, second = item.values
+    names = JOINT_NAMES if isinstance(robot, Arm) else PORTAL_JOINTS
+    if len(values) != len(names):
         report.error(
             "E253",
-            f"{len(values)} joints are given; robot {robot.name.text} has {len(robot.limits)}",
+            f"{len(values)} joints are given; robot {robot.name.text} has {len(names)}",
             item.span,
-            hint="(q1, q2, q3, q4, q5, q6), each with its unit",
+            hint=f"({', '.join(names)}), each with its unit",
         )
         return None
+    turning = [isinstance(robot, Arm) or name == PORTAL_JOINTS[ROTARY_JOINT] for name in names]
     joints = np.array(
         [
-            measure(v, "angle" if i == ROTARY_JOINT else "length", f"q{i + 1}", report)
-            for i, v in enumerate(values)
+            measure(value, "angle" if turns else "length", name, report)
+            for value, name, turns in zip(values, names, turning, strict=True)
         ]
     )
+    within = _joint_tolerances(item, first, second, all(turning), report)
+    return None if within is None else ExpectJoints(row, joints, *within, statement.span)
+
+
+def _joint_tolerances(
+    item: Item, first: Value, second: Value, angles_only: bool, report: Report
+) -> tuple[float, float] | None:
+    """A tolerance for lengths (infinite where no joint slides) and one for angles."""
     within = {"length": math.inf, "angle": math.inf}
     for tolerance in (first, second):
         if tolerance is None:
             continue
-        unit = UNITS.get(tolerance.unit or "")
-        kind = "angle" if unit is not None and unit.dimension == "angle" else "length"
-        within[kind] = measure(
-            tolerance, "angle" if kind == "angle" else "length", "within", report, above=0
-        )
-    if math.inf in within.values():
+        quantity = of_type(tolerance, Quantity)
+        unit = UNITS.get(quantity.unit or "")
+        turns = angles_only or (unit is not None and unit.dimension == "angle")
+        kind: Dimension = "angle" if turns else "length"
+        within[kind] = measure(quantity, kind, "within", report, above=0)
+    if within["angle"] == math.inf or (within["length"] == math.inf and not angles_only):
         report.error(
             "E254",
             "joints need a tolerance for lengths and one for angles",
@@ -195,4 +206,4 @@ def _joints(
             hint="within 0.1 mm, 0.01 deg",
         )
         return None
-    return ExpectJoints(row, joints, within["length"], within["angle"], statement.span)
+    return within["length"], within["angle"]

@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
-from drillc.language.ast import Item, Numbers, Placement, Quantity, Statement, Value, Word
+from drillc.language.ast import (
+    FrameAxes,
+    Item,
+    Numbers,
+    Orientation,
+    Placement,
+    Quantity,
+    Range,
+    Statement,
+    Value,
+    Word,
+)
 from drillc.language.columns import MAX_LENGTH_MM
 from drillc.language.diagnostics import Label, Report
-from drillc.language.job import Floats, Pose
+from drillc.language.job import Floats, Limit, Named, Pose
 from drillc.language.units import UNITS, Dimension, convert, said
 
 T = TypeVar("T")
@@ -22,6 +33,9 @@ V = TypeVar("V", bound=Value)
 #: Scalars beyond this are refused: no feed, force or time of a cell is near it.
 MAX_SCALAR = 1e9
 
+#: How far the dot products of written axes may be from those of exact ones: what four digits leave.
+AXES_TOLERANCE = 1e-3
+
 _AXES = "xyz"
 
 
@@ -29,7 +43,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
     """A hint that names the nearest known name, or lists what there is."""
     names = sorted(known)
     near = [n for n in names if n.lower() == name.lower()]
-    near = near or difflib.get_close_matches(name, names, 1, 0.6)
+    longer = [n for n in names if len(name) >= 4 and n.startswith(name)]
+    near = near or longer[:1] or difflib.get_close_matches(name, names, 1, 0.6)
     if near:
         return f'did you mean "{near[0]}"?'
     more = ", …" if len(names) > 12 else ""
@@ -37,16 +52,18 @@ def did_you_mean(name: str, known: Iterable[str]) -> str | None:
 
 
 class Fields:
-    """The items of one block, by key. Reports an item that is given twice."""
+    """The items of one block, by key. Reports an item that is given twice, unless its key is one
+    of `repeated`."""
 
-    def __init__(self, statement: Statement, report: Report) -> None:
+    def __init__(self, statement: Statement, report: Report, repeated: Iterable[str] = ()) -> None:
         self.statement = statement
         self.report = report
         self._items: dict[str, Item] = {}
+        many = set(repeated)
         for item in statement.items:
             key = item.key.text
             first = self._items.setdefault(key, item)
-            if first is not item:
+            if first is not item and key not in many:
                 report.error(
                     "E201",
                     f'"{key}" is given twice in {statement.kind} {statement.name.text}',
@@ -58,6 +75,10 @@ class Fields:
     def get(self, key: str) -> Item | None:
         """The item, or None."""
         return self._items.get(key)
+
+    def every(self, key: str) -> list[Item]:
+        """All items of that key, in their order."""
+        return [item for item in self.statement.items if item.key.text == key]
 
     def need(self, key: str, hint: str) -> Item | None:
         """The item; its absence is an error at the block's name."""
@@ -219,15 +240,91 @@ def unit_vector(value: Word | Numbers, what: str, report: Report) -> Floats | No
 
 
 def pose(placement: Placement, what: str, report: Report) -> Pose:
-    """A placement as a transform: translate, then rotate about the moved frame's own axes."""
+    """A placement as a transform: translate, then turn about the moved frame's own axes."""
+    return Pose(
+        orientation(placement.orientation, what, report), lengths(placement.at, what, report)
+    )
+
+
+def orientation(written: Orientation, what: str, report: Report) -> Floats:
+    """An orientation as a rotation (3, 3): the axes are its columns, each turn follows the last."""
     from drillc.kernels.rotations import rotation_about
 
-    rotation = np.eye(3)
-    for turn in placement.rotations:
+    rotation = np.eye(3) if written.axes is None else _from_axes(written.axes, what, report)
+    for turn in written.rotations:
         angle = measure(turn.angle, "angle", f"{what}'s rotation", report)
         if not math.isnan(angle):
             rotation = rotation @ rotation_about(_AXES.index(turn.axis.text), angle)
-    return Pose(rotation, lengths(placement.at, what, report))
+    return rotation
+
+
+def _from_axes(written: FrameAxes, what: str, report: Report) -> Floats:
+    """The rotation nearest to the written axes; the identity after reporting that it is far."""
+    matrix = np.array([[float(n) for n in axis.numbers] for axis in written.axes]).T
+    with np.errstate(all="ignore"):
+        dots = matrix.T @ matrix
+        near = bool((np.abs(dots - np.eye(3)) <= AXES_TOLERANCE).all())
+        determinant = float(np.linalg.det(matrix)) if np.isfinite(matrix).all() else math.nan
+    if near and determinant > 0:
+        left, _, right = np.linalg.svd(matrix)
+        return np.asarray(left @ right)
+    if near:
+        fault, hint = f"left-handed: their determinant is {determinant:.6g}", "reverse one of them"
+    else:
+        length = ", ".join(f"{math.sqrt(d):.6g}" for d in np.diag(dots))
+        fault = (
+            f"no unit vectors at right angles: their lengths are {length}; x·y = "
+            f"{dots[0, 1]:.6g}, x·z = {dots[0, 2]:.6g}, y·z = {dots[1, 2]:.6g}; their determinant "
+            f"is {determinant:.6g}"
+        )
+        hint = f"lengths must be 1 and the products 0, within {AXES_TOLERANCE:g}"
+    report.error("E255", f"the axes of {what} are {fault}", written.span, hint=hint)
+    return np.eye(3)
+
+
+def entries(item: Item | None, known: Sequence[str], kind: str, report: Report) -> dict[str, Item]:
+    """The entries `NAME value` of a block, by name; unknown names and repeated ones are errors."""
+    found: dict[str, Item] = {}
+    for entry in item.items if item else ():
+        name = entry.key.text
+        if lookup(entry.key, dict.fromkeys(known, True), kind, report) is None:
+            continue
+        first = found.setdefault(name, entry)
+        if first is not entry and item is not None:
+            report.error(
+                "E201",
+                f'"{name}" is given twice in {item.key.text}',
+                entry.key.span,
+                labels=[Label(first.key.span, "first given here")],
+                hint="remove one of them",
+            )
+    return found
+
+
+def limit(entry: Item, dimension: Dimension, report: Report) -> Limit:
+    """`NAME low .. high` in its base unit; its ends may be NaN after an error."""
+    name, bounds = entry.key.text, of_type(entry.values[0], Range)
+    low = measure(bounds.low, dimension, f"{name}'s lower limit", report)
+    high = measure(bounds.high, dimension, f"{name}'s upper limit", report)
+    if low >= high:
+        report.error(
+            "E224",
+            f"the limits of {name} are reversed or equal: {written(bounds.low)} .. "
+            f"{written(bounds.high)}",
+            bounds.span,
+            hint="write the lower end first",
+        )
+    return Limit(low, high, entry.span)
+
+
+def written(quantity: Quantity) -> str:
+    """A quantity as it stands in the spec."""
+    return f"{_cut(quantity.number)} {quantity.unit or ''}".strip()
+
+
+def named(word: Word) -> Named:
+    """A declared name."""
+    return Named(word.text, word.span)
 
 
 def lookup(word: Word, table: Mapping[str, T], kind: str, report: Report) -> T | None:

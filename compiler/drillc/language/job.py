@@ -12,6 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from drillc.geometry.shapes import Mesh, RoundedHull
+from drillc.kernels.arm import ArmGeometry
 from drillc.language.source import Source, Span
 
 Floats = NDArray[np.float64]
@@ -54,34 +56,50 @@ class Part:
     normals_into: bool
     unit_tolerance: float
     frame: WorkFrame | None
+    surface: Surface | None = None
+    normals_from_surface: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The part's surface, normals outward, in part coordinates. Holes must lie within `within_mm`
+    of it, their normals within `within_rad` of its own."""
+
+    mesh: Mesh
+    within_mm: float
+    within_rad: float
+    span: Span
 
 
 @dataclass(frozen=True, eq=False)
 class Tool:
-    """`flange_from_tool` places the TCP; mass and centre of gravity only if a post needs them."""
+    """`flange_from_tool` places the TCP; mass and centre of gravity only if a post needs them.
+
+    `body` is its solid in flange coordinates, as convex pieces; empty when the spec gives none.
+    """
 
     name: Named
     number: int
     flange_from_tool: Pose
     mass_kg: float | None
     centre_of_gravity_mm: Floats | None
+    body: tuple[RoundedHull, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
-    """An axis-parallel box in part coordinates, from `low_mm` to `high_mm` (3,)."""
+class Solid:
+    """One solid of a fixture, in part coordinates: a convex shape, or a mesh."""
 
-    low_mm: Floats
-    high_mm: Floats
+    shape: RoundedHull | Mesh
     span: Span
 
 
 @dataclass(frozen=True)
 class Fixture:
-    """A body that the tool's path must not enter: one or more boxes."""
+    """A body that nothing may enter: one or more solids in part coordinates."""
 
     name: Named
-    boxes: tuple[Box, ...]
+    solids: tuple[Solid, ...]
 
 
 # ── machine ──────────────────────────────────────────────────────────────────────────────────────
@@ -96,6 +114,11 @@ class Limit:
     low: float
     high: float
     span: Span | None
+
+
+PORTAL_JOINTS = ("q1", "q2", "q3", "q4", "q5", "q6")
+#: The portal's one turning joint (q3 = β, the bar about its own axis).
+ROTARY_JOINT = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +140,76 @@ class Portal:
     limits: tuple[Limit, ...]
     tilt_limit: Limit | None
     speeds: tuple[float | None, ...]
+
+
+JOINT_NAMES = ("A1", "A2", "A3", "A4", "A5", "A6")
+
+
+@dataclass(frozen=True, eq=False)
+class ArmModel:
+    """A six-axis arm: its dimensions, its joints' limits and full speeds, and where they are from.
+
+    `maker` is "kuka", "abb" or "other": whose configuration bits its programs carry.
+    """
+
+    name: str
+    title: str
+    maker: str
+    geometry: ArmGeometry
+    low_rad: Floats  # (6,)
+    high_rad: Floats  # (6,)
+    speed_rad_s: Floats  # (6,)
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Station:
+    """A parking place of the arm. `frame` is the number of the part's frame on the controller when
+    the arm stands here; `name` is None for the only place of a spec (`base at …`)."""
+
+    name: Named | None
+    part_from_root: Pose
+    frame: int | None
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class AutoBase:
+    """`base auto within …`: parking places to be found in a rectangle of the floor.
+
+    The root's origin is sought in the box low_mm … high_mm (3,) of part coordinates, on a grid of
+    `step_mm`, with the given orientation; at most `most` places.
+    """
+
+    low_mm: Floats
+    high_mm: Floats
+    rotation: Floats  # (3, 3) part_from_root
+    step_mm: float
+    most: int
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A six-axis arm, where it stands, and what narrows its motion.
+
+    Exactly one of `stations` (not empty) and `auto` is given. `limits` are the model's, narrowed by
+    the spec. `home_rad` (6,) is where programs begin and end; None when the spec gives none.
+    `singular_rad`: the wrist's bend (A5 for KUKA's zero) is kept at least this far from straight.
+    `links`: bodies by link 0 … 6 (0: the root, i: moves with joint i), each in its link's frame
+    (`kernels.arm.link_frames`); None: capsules derived from the dimensions.
+    """
+
+    name: Named
+    model: ArmModel
+    stations: tuple[Station, ...]
+    auto: AutoBase | None
+    limits: tuple[Limit, ...]
+    speeds: Floats  # (6,) rad/s
+    home_rad: Floats | None
+    home_span: Span | None
+    singular_rad: float
+    links: tuple[tuple[RoundedHull, ...] | None, ...]  # (7,)
 
 
 # ── process ──────────────────────────────────────────────────────────────────────────────────────
@@ -219,14 +312,31 @@ class PostureRule:
 
 
 @dataclass(frozen=True, eq=False)
+class Avoid:
+    """A fixture (index into Job.fixtures; None: the part's own surface) that tool and arm keep
+    `clearance_mm` away from during the whole cycle and on the way to it."""
+
+    fixture: int | None
+    clearance_mm: float
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
 class Region:
-    """Rows `start` … `stop` of the hole table, one process, one rule."""
+    """Rows `start` … `stop` of the hole table, one process, one rule.
+
+    `turning_rad`: the heading may leave the rule's by up to this, either way (pi: any heading);
+    0 where the rule is to be kept exactly. `station` is an index into the arm's stations.
+    """
 
     name: Named
     start: int
     stop: int
     process: int
     posture: PostureRule | None
+    avoid: tuple[Avoid, ...] = ()
+    turning_rad: float = 0.0
+    station: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,7 +392,8 @@ class ExpectPosition:
 
 @dataclass(frozen=True, eq=False)
 class ExpectJoints:
-    """Hole `row`'s joints (6,), with a tolerance for lengths and one for angles."""
+    """Hole `row`'s joints (6,), with a tolerance for lengths (infinite for an arm, whose joints all
+    turn) and one for angles."""
 
     row: int
     joints: Floats
@@ -323,6 +434,17 @@ class Emit:
     axes: tuple[tuple[Named, Named], ...]
 
 
+@dataclass(frozen=True)
+class Weights:
+    """What a sequence's cost is made of, in seconds: per radian by which a heading leaves the
+    rule's, per second of joint travel at full speed (summed over the joints), and for closeness to
+    limits and singularity (a candidate whose margin is half used up costs about one second)."""
+
+    deviation: float = 10.0
+    travel: float = 1.0
+    margin: float = 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """Everything that a spec says."""
@@ -330,13 +452,15 @@ class Job:
     program: Named
     part: Part
     tool: Tool | None
-    robot: Portal | None
+    robot: Portal | Arm | None
     fixtures: tuple[Fixture, ...]
     signals: dict[str, Signal]
     processes: tuple[Process, ...]
     regions: tuple[Region, ...]
     holes: HoleTable
     heading_jump_max_rad: float | None
+    order_shortest: bool
+    weights: Weights
     expects: tuple[Expect, ...]
     emits: tuple[Emit, ...]
     inputs: tuple[Source, ...]  # every file that was read, in reading order

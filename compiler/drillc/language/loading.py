@@ -31,6 +31,8 @@ class Limit:
 SPEC_LIMIT = Limit("MAX_SPEC_BYTES", 512 * 1024 * 1024)
 #: A CSV table.
 TABLE_LIMIT = Limit("MAX_TABLE_BYTES", 4 * 1024 * 1024 * 1024)
+#: A mesh.
+MESH_LIMIT = Limit("MAX_MESH_BYTES", 256 * 1024 * 1024)
 #: How deep `use` may nest.
 MAX_USE_DEPTH = 16
 
@@ -48,7 +50,19 @@ class Loader:
 
     def read(self, path: Path, limit: Limit, span: Span | None) -> Source | None:
         """Read one text file; None after reporting why it cannot be read."""
-        shown = Path(os.path.normpath(path)).as_posix()
+        raw = self._bytes(path, limit, span)
+        text = None if raw is None else self._decoded(raw, path, span)
+        return None if raw is None or text is None else self._remembered(path, raw, _unix(text))
+
+    def read_binary(self, path: Path, limit: Limit, span: Span) -> bytes | None:
+        """Read one file that is no text; None after reporting why it cannot be read."""
+        raw = self._bytes(path, limit, span)
+        if raw is not None:
+            self._remembered(path, raw, "")
+        return raw
+
+    def _bytes(self, path: Path, limit: Limit, span: Span | None) -> bytes | None:
+        shown = _shown(path)
         try:
             size = path.stat().st_size
             if not path.is_file():
@@ -62,20 +76,24 @@ class Loader:
                     span,
                 )
                 return None
-            raw = path.read_bytes()
+            return path.read_bytes()
         except FileNotFoundError:
             self.report.error("E120", f"there is no file {shown}", span, hint=_near_file(path))
-            return None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "its name is not usable"
             self.report.error("E121", f"{shown} cannot be read: {reason}", span)
-            return None
-        source = self._decoded(raw, path, shown, span)
-        if source is not None:
-            self.inputs.append(source)
+        return None
+
+    def _remembered(self, path: Path, raw: bytes, text: str) -> Source:
+        real = path.resolve()
+        # Only the spec itself, named by the user and not by a file, can lie outside the root.
+        inside = real.is_relative_to(self.root)
+        key = real.relative_to(self.root).as_posix() if inside else path.name
+        source = Source(path, _shown(path), text, key, hashlib.sha256(raw).hexdigest())
+        self.inputs.append(source)
         return source
 
-    def _decoded(self, raw: bytes, path: Path, shown: str, span: Span | None) -> Source | None:
+    def _decoded(self, raw: bytes, path: Path, span: Span | None) -> str | None:
         try:
             # utf-8-sig drops the byte-order mark that spreadsheets write.
             text = raw.decode("utf-8-sig")
@@ -85,25 +103,20 @@ class Loader:
             if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
                 hint = "it is UTF-16; " + hint
             fault = f"byte 0x{error.object[error.start]:02X} is not UTF-8"
-            self._report_bytes(raw, len(before.decode()), path, shown, fault, hint, span)
+            self._report_bytes(raw, len(before.decode()), path, fault, hint, span)
             return None
         if "\0" in text:
             self._report_bytes(
-                raw, text.index("\0"), path, shown, "a zero byte: this is no text file", None, span
+                raw, text.index("\0"), path, "a zero byte: this is no text file", None, span
             )
             return None
-        real = path.resolve()
-        # Only the spec itself, named by the user and not by a file, can lie outside the root.
-        inside = real.is_relative_to(self.root)
-        key = real.relative_to(self.root).as_posix() if inside else path.name
-        return Source(path, shown, _unix(text), key, hashlib.sha256(raw).hexdigest())
+        return text
 
     def _report_bytes(
         self,
         raw: bytes,
         at: int,
         path: Path,
-        shown: str,
         fault: str,
         hint: str | None,
         named: Span | None,
@@ -114,7 +127,7 @@ class Loader:
         self.report.error(
             "E123",
             fault,
-            Source(path, shown, _unix(text)).span(at, at + 1),
+            Source(path, _shown(path), _unix(text)).span(at, at + 1),
             labels=[Label(named, "read because of this")] if named else [],
             hint=hint,
         )
@@ -238,6 +251,10 @@ def _check_cell(file: SpecFile, report: Report) -> None:
                 statement.span,
                 hint="a cell file declares tools, robots, fixtures, signals and processes",
             )
+
+
+def _shown(path: Path) -> str:
+    return Path(os.path.normpath(path)).as_posix()
 
 
 def _unix(text: str) -> str:

@@ -38,6 +38,10 @@ _TRIPLE = rf"\(\s*+({_NUMBER})\s*+,\s*+({_NUMBER})\s*+,\s*+({_NUMBER})\s*+\)"
 _POINT = re.compile(
     rf"\s*+(?:({_ID})\s*+{_TRIPLE}\s*+normal\s*+{_TRIPLE}|[^\s(),]++|[(),]|\Z)", re.ASCII
 )
+# A point whose normal is the surface's. "normal" is no id there: a normal that is written all the
+# same would be a hole at a place of its own.
+_BARE_ID = rf"(?!normal(?![A-Za-z0-9_.:/-])){_ID}"
+_BARE_POINT = re.compile(rf"\s*+(?:({_BARE_ID})\s*+{_TRIPLE}|[^\s(),]++|[(),]|\Z)", re.ASCII)
 # Where the next point seems to begin, behind one that is malformed: at a line that does not look as
 # if it went on with this one.
 _BEGIN = re.compile(rf"(?<=\n)[ \t]*+(?!normal\b){_ID}\s*+[^\s,)]")
@@ -64,6 +68,7 @@ _PIECES = (
     (re.compile(_NUMBER), "the normal's z"),
     (re.compile(r"\)"), '")" after the normal'),
 )
+_BARE_PIECES = ((re.compile(_BARE_ID), "a hole id"), *_PIECES[1:8])
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,17 +89,20 @@ class RawHoles:
         return Span(source, int(self.line[row]), int(self.column[row]), length)
 
 
-def read_points(block: PointBlock, unit: Unit, report: Report) -> RawHoles:
-    """Read a points block whose positions are in `unit`. Reports every malformed point."""
+def read_points(block: PointBlock, unit: Unit, report: Report, *, normals: bool = True) -> RawHoles:
+    """Read a points block whose positions are in `unit`. Reports every malformed point.
+
+    Without `normals` its points state none, and NaN stands in their place.
+    """
     source = block.source
     text = source.text[block.start : block.stop]
     if "#" in text:
         text = _COMMENT.sub(lambda m: " " * (m.end() - m.start()), text)
-    gaps = _Gaps(block, text, report)
+    gaps = _Gaps(block, text, normals, report)
     offsets: list[NDArray[np.int64]] = []
     ids: list[Texts] = []
     columns: list[list[Floats]] = []
-    found = _POINT.finditer(text)
+    found = (_POINT if normals else _BARE_POINT).finditer(text)
     while some := list(islice(found, BLOCK_POINTS)):
         matches = [m for m in some if m.lastindex]
         gaps.look(matches)
@@ -103,7 +111,8 @@ def read_points(block: PointBlock, unit: Unit, report: Report) -> RawHoles:
             offsets.append(np.fromiter((m.start(1) for m in matches), np.int64, len(matches)))
             ids.append(id_column(names))
             position = [numbers(c, unit).values for c in cells[:3]]
-            columns.append(position + [_normal_component(c) for c in cells[3:]])
+            normal = [_normal_component(c) for c in cells[3:]]
+            columns.append(position + (normal or [np.full(len(matches), np.nan)] * 3))
     gaps.finish()
     line, column = _places(block, np.concatenate([np.empty(0, np.int64), *offsets]))
     x, y, z, i, j, k = (np.concatenate([np.empty(0), *parts]) for parts in _by_column(columns))
@@ -147,8 +156,10 @@ def _places(block: PointBlock, offsets: NDArray[np.int64]) -> tuple[Ints, Ints]:
 class _Gaps:
     """What stands between points and is none, reported as it is come by."""
 
-    def __init__(self, block: PointBlock, text: str, report: Report) -> None:
+    def __init__(self, block: PointBlock, text: str, normals: bool, report: Report) -> None:
         self.block, self.text, self.report = block, text, report
+        self.pieces = _PIECES if normals else _BARE_PIECES
+        self.hint = _HINT if normals else _BARE_HINT
         self.end = 0
         self.found = 0
 
@@ -181,19 +192,19 @@ class _Gaps:
     def _report(self, start: int) -> int:
         """Report the point that begins at `start`; the offset up to which it was understood."""
         text, source = self.text, self.block.source
-        at, behind, wanted = _explain(text, start)
+        at, behind, wanted = _explain(text, start, self.pieces)
         character = text[at : at + 1]
         if character and is_strange(character):
             code, message = (
                 "E110",
                 f"a character that a point cannot have: {said_character(character)}",
             )
-            shown, length, hint = at, 1, meant(character) or _HINT
+            shown, length, hint = at, 1, meant(character) or self.hint
         else:
             word = _WORD.match(text, at)
             found = f'"{word[0][:40]}"' if word else "the end of the block"
             code, message = "E301", f"expected {wanted}, found {found}"
-            shown, length, hint = at, len(word[0]) if word else 1, _HINT
+            shown, length, hint = at, len(word[0]) if word else 1, self.hint
             if wanted.startswith('")"') and character == ",":
                 hint += "; numbers have a decimal point"
         if (start < behind and "\n" in text[behind:at]) or at == len(text):
@@ -205,13 +216,16 @@ class _Gaps:
 
 
 _HINT = "a point is written: P1 (240, 2379, -542) normal (-0.233, -0.012, 0.972)"
+_BARE_HINT = "a point is written: P1 (240, 2379, -542); its normal is taken from the part's surface"
 
 
-def _explain(text: str, at: int) -> tuple[int, int, str]:
+def _explain(
+    text: str, at: int, pieces: Sequence[tuple[re.Pattern[str], str]]
+) -> tuple[int, int, str]:
     """Where the point that begins at `at` goes wrong, where its last good piece ends, and what
     should stand there."""
     behind = at
-    for pattern, wanted in _PIECES:
+    for pattern, wanted in pieces:
         blank = _BLANK.match(text, at)
         at = blank.end() if blank else at
         match = pattern.match(text, at)

@@ -10,39 +10,41 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
+from drillc.language.arm import resolve_arm
 from drillc.language.ast import Item, Quantity, Statement, Text, Value, Word
+from drillc.language.bodies import resolve_fixture
+from drillc.language.consistency import (
+    check_body,
+    check_machine,
+    check_needs_arm,
+    check_place,
+    check_reserved,
+    check_rules,
+    check_stations,
+    check_surface,
+    check_unused,
+    check_up,
+)
 from drillc.language.diagnostics import Label, Report
 from drillc.language.expectations import resolve_expects
-from drillc.language.fields import Fields, measure, of_type
-from drillc.language.job import (
-    Emit,
-    Job,
-    Named,
-    Part,
-    Portal,
-    Process,
-    Region,
-    Setting,
-    Signal,
-    Tool,
-)
+from drillc.language.fields import named, of_type
+from drillc.language.hole_tables import resolve_table
+from drillc.language.job import Arm, Emit, Job, Named, Part, Portal, Setting, Signal, Tool
 from drillc.language.loading import Loaded, Loader
 from drillc.language.machine import (
     DEFAULT_UNIT_TOLERANCE,
-    named,
-    resolve_fixture,
     resolve_part,
-    resolve_portal,
     resolve_signals,
     resolve_tool,
 )
 from drillc.language.operations import VISIT, resolve_process
-from drillc.language.regions import resolve_regions, resolve_table
+from drillc.language.portal import resolve_portal
+from drillc.language.regions import Around, resolve_regions
+from drillc.language.sequence import resolve_sequence
 from drillc.language.source import Source
-from drillc.language.tables import Table
 from drillc.language.units import UNITS, convert
 
-T = TypeVar("T", Tool, Portal)
+T = TypeVar("T", Tool, Portal | Arm)
 
 
 def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
@@ -57,15 +59,18 @@ def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
 
     program = _single(statements("program"), "program", "program NAME", loaded, report)
     part_statement = _single(statements("part"), "part", "part NAME { … }", loaded, report)
-    part = resolve_part(part_statement, report) if part_statement else _no_part(spec)
-    tools = [resolve_tool(s, report) for s in _distinct(statements("tool"), report)]
-    robots = [resolve_portal(s, report) for s in _distinct(statements("robot"), report)]
-    fixtures = [resolve_fixture(s, report) for s in _distinct(statements("fixture"), report)]
+    part = resolve_part(part_statement, loader, report) if part_statement else _no_part(spec)
+    tools = [resolve_tool(s, loader, report) for s in _distinct(statements("tool"), report)]
+    robot_statements = _distinct(statements("robot"), report)
+    robots = [_robot(s, loader, report) for s in robot_statements]
+    fixtures = [
+        resolve_fixture(s, loader, report) for s in _distinct(statements("fixture"), report)
+    ]
     signals = _signals(statements("io"), report)
     processes = [resolve_process(s, report) for s in _distinct(statements("process"), report)]
-    _check_reserved(processes, report)
+    check_reserved(processes, report)
     tables = {
-        s.name.text: resolve_table(s, loader, report)
+        s.name.text: resolve_table(s, not part.normals_from_surface, loader, report)
         for s in _distinct(statements("holes"), report)
     }
     tool = _only(tools, "tool", report)
@@ -78,21 +83,25 @@ def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
             spec.span(0, 1),
             hint="add: region NAME { posture …  process …  points mm { … } }",
         )
-    resolved = resolve_regions(
-        region_statements,
-        statements("skip"),
-        tables,
-        {VISIT.name: (len(processes), VISIT)} | {p.name: (i, p) for i, p in enumerate(processes)},
-        part,
-        report,
-    )
+    arm = robot if isinstance(robot, Arm) else None
+    visit = {VISIT.name: (len(processes), VISIT)}
+    around = Around(part, fixtures, arm, visit | {p.name: (i, p) for i, p in enumerate(processes)})
+    resolved = resolve_regions(region_statements, statements("skip"), tables, around, report)
     regions, holes = resolved.regions, resolved.holes
-    _check_unused(spec.shown, processes, tables, resolved.used, report)
-    _check_machine(spec.shown, robot, tool, report)
-    _check_rules(robot, regions, region_statements, report)
-    if robot is None and part_statement is not None:
-        _check_up(part_statement, regions, report)
-    jump = _sequence(statements("sequence"), report)
+    check_unused(spec.shown, processes, tables, resolved.used, report)
+    check_machine(spec.shown, robot, tool, report)
+    check_rules(robot, regions, region_statements, report)
+    has_arm = any(isinstance(robot, Arm) for robot in robots)
+    check_needs_arm(has_arm, region_statements, statements("sequence"), report)
+    check_body(tool, regions, report)
+    if arm is not None:
+        check_stations(spec.shown, arm, part, regions, report)
+        check_place(arm, part, report)
+    if part_statement is not None:
+        check_surface(part, part_statement, holes, report)
+        if not isinstance(robot, Portal):
+            check_up(part_statement, regions, report)
+    order = resolve_sequence(statements("sequence"), report)
     emits = _emits(statements("emit"), report)
     expects = resolve_expects(statements("expect"), resolved, robot, report)
     report.stop_if_failed()
@@ -107,11 +116,19 @@ def resolve(loaded: Loaded, loader: Loader, report: Report) -> Job:
         processes=(*processes, VISIT),
         regions=regions,
         holes=holes,
-        heading_jump_max_rad=jump,
+        heading_jump_max_rad=order.heading_jump_max_rad,
+        order_shortest=order.shortest,
+        weights=order.weights,
         expects=expects,
         emits=emits,
         inputs=tuple(loader.inputs),
     )
+
+
+def _robot(statement: Statement, loader: Loader, report: Report) -> Portal | Arm:
+    if of_type(statement.values[0], Word).text == "arm":
+        return resolve_arm(statement, loader, report)
+    return resolve_portal(statement, report)
 
 
 def _no_part(spec: Source) -> Part:
@@ -187,116 +204,6 @@ def _signals(found: Sequence[Statement], report: Report) -> dict[str, Signal]:
                 )
             signals.setdefault(role, signal)
     return signals
-
-
-def _check_reserved(processes: Sequence[Process], report: Report) -> None:
-    for process in processes:
-        if process.name == VISIT.name:
-            report.error(
-                "E218",
-                f'"{VISIT.name}" is what drillc calls the process of a region that names none',
-                process.span,
-                hint="give the process another name",
-            )
-
-
-def _check_unused(
-    spec_shown: str,
-    processes: Sequence[Process],
-    tables: dict[str, Table | None],
-    used: frozenset[str],
-    report: Report,
-) -> None:
-    """What the spec itself declares and nothing uses; a cell file may hold more than needed."""
-    unused: list[tuple[str, Named | Word]] = [
-        ("process", Named(p.name, p.span)) for p in processes if p.span and p.name not in used
-    ]
-    unused += [("hole table", t.name) for name, t in tables.items() if t and name not in used]
-    for kind, name in unused:
-        if name.span.source.shown == spec_shown:
-            report.error(
-                "E217",
-                f"{kind} {name.text} is not used",
-                name.span,
-                hint="use it in a region, or remove it",
-            )
-
-
-def _check_machine(
-    spec_shown: str, robot: Portal | None, tool: Tool | None, report: Report
-) -> None:
-    if robot is not None and tool is not None and tool.name.span.source.shown == spec_shown:
-        report.error(
-            "E217",
-            f"tool {tool.name.text} is not used: the portal carries its own",
-            tool.name.span,
-            hint="remove it",
-        )
-
-
-def _check_rules(
-    robot: Portal | None,
-    regions: Sequence[Region],
-    statements: Sequence[Statement],
-    report: Report,
-) -> None:
-    """Whether each region has what decides its posture, and only that."""
-    for region, statement in zip(regions, statements, strict=True):
-        rule = region.posture
-        if rule is None and robot is None:
-            report.error(
-                "E247",
-                f"region {region.name.text} does not say how the tool is held about its axis",
-                statement.name.span,
-                hint="posture x horizontal toward +X; or posture y toward -Z",
-            )
-        elif rule is not None and robot is not None:
-            report.error(
-                "E246",
-                f"region {region.name.text} has a posture rule, but robot {robot.name.text} "
-                "brings every normal upright by itself",
-                rule.span,
-                hint="remove the rule",
-            )
-
-
-def _check_up(part: Statement, regions: Sequence[Region], report: Report) -> None:
-    """One missing `up` is one mistake, however many rules ask for it."""
-    rules = [region.posture for region in regions if region.posture is not None]
-    rules += [rule.fallback for rule in rules if rule.fallback is not None]
-    asking = [rule for rule in rules if rule.horizontal]
-    if asking and all(item.key.text != "up" for item in part.items):
-        report.error(
-            "E248",
-            f'"horizontal" needs to know what is up, and part {part.name.text} does not say it',
-            asking[0].span,
-            labels=[Label(part.name.span, "this part")],
-            hint=f"part {part.name.text} {{ up +Z  … }}",
-        )
-
-
-def _sequence(found: Sequence[Statement], report: Report) -> float | None:
-    for statement in found[1:]:
-        report.error(
-            "E215",
-            "a spec has one sequence; this is another",
-            statement.name.span,
-            labels=[Label(found[0].name.span, "the first one")],
-            hint="put everything into one of them",
-        )
-    item = Fields(found[0], report).get("heading_jump") if found else None
-    if item is None:
-        return None
-    most = of_type(item.values[0], Quantity)
-    jump = measure(most, "angle", "heading_jump", report, above=0)
-    if jump > math.pi:
-        report.error(
-            "E206",
-            f"heading_jump is {most.number} {most.unit}; it must be at most 180 deg, as far as any "
-            "heading jumps",
-            most.span,
-        )
-    return jump
 
 
 def _emits(found: Sequence[Statement], report: Report) -> tuple[Emit, ...]:

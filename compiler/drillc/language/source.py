@@ -19,7 +19,7 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A file that was read.
+    """A file that was read. `text` is empty for one that is no text, such as a mesh.
 
     `shown` is its path as a person would type it, for messages. `key` is its path below the root
     and `sha256` the hash of its bytes, for the manifest: neither depends on where the tree lies.

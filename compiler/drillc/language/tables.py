@@ -25,6 +25,8 @@ BLOCK_ROWS = 8192
 #: What a table's columns may be mapped to; the first seven must be.
 KEYS = ("id", "x", "y", "z", "i", "j", "k", "diameter", "stack")
 REQUIRED = KEYS[:7]
+#: Those that hold the normal, which a part's surface may give instead.
+NORMAL = KEYS[4:7]
 #: Those that are lengths, in the table's unit or their own.
 LENGTHS = ("x", "y", "z", "diameter", "stack")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from drillc.language.diagnostics import NAMED_ROWS, Label, Report
 from drillc.language.fields import did_you_mean
-from drillc.language.job import Emit, Floats, Named, Process
+from drillc.language.job import Arm, Emit, Floats, Named, Process
 from drillc.output.post import Accepts
 from drillc.planning.program import (
     JointMotion,
@@ -21,6 +21,10 @@ from drillc.planning.program import (
     WaitInput,
 )
 
+#: What is reported of a program that is of a kind that the post does not write at all.
+KIND_CODES = ("E610", "E611", "E660", "E661", "E662")
+#: The maker of arms of which it is not known whose controller runs them.
+ANY_MAKER = "other"
 #: The signals that switch a spindle where the language itself cannot.
 SPINDLE_ON, SPINDLE_SPEED, SPINDLE_RUNNING = "spindle_on", "spindle_speed", "spindle_running"
 
@@ -28,7 +32,9 @@ SPINDLE_ON, SPINDLE_SPEED, SPINDLE_RUNNING = "spindle_on", "spindle_speed", "spi
 def check_accepted(program: Program, accepts: Accepts, emit: Emit, report: Report) -> None:
     """Report what the controller cannot be told: the kind of program, its feeds, its signals."""
     post, span = emit.post.text, emit.post.span
-    if program.motion is None and not accepts.poses:
+    if program.arm is not None:
+        _check_arm(program.arm.arm, accepts, emit, report)
+    elif program.motion is None and not accepts.poses:
         report.error(
             "E610",
             f"{post} writes programs in joints, but this program is in poses",
@@ -55,6 +61,31 @@ def check_accepted(program: Program, accepts: Accepts, emit: Emit, report: Repor
                 )
     _check_signals(program, accepts, emit, report)
     _check_distances(program, accepts, report)
+
+
+def _check_arm(arm: Arm, accepts: Accepts, emit: Emit, report: Report) -> None:
+    """A program for an arm is nothing without its vias, nor on the controller of another maker."""
+    post, robot, title = emit.post.text, arm.name.text, arm.model.title
+    code = hint = ""
+    if not accepts.poses:
+        code = "E662"
+        what = f"{post} moves axes, and robot {robot} ({title}) moves all of its own to go straight"
+        hint = "emit for a controller that moves arms by poses, such as krl or rapid"
+    elif not accepts.arms:
+        code = "E661"
+        what = f"{post} cannot say by which way robot {robot} ({title}) goes to its holes"
+        hint = "emit for a controller that can, such as krl or rapid"
+    elif arm.model.maker not in accepts.arms:
+        code = "E660"
+        makers = " and ".join(maker for maker in accepts.arms if maker != ANY_MAKER)
+        what = (
+            f"{post} is for arms of {makers}, but robot {robot} ({title}) is of {arm.model.maker}"
+        )
+        hint = "emit for the arm's own controller; or correct the robot's model"
+    if code:
+        report.error(
+            code, what, emit.post.span, labels=[Label(arm.name.span, "the arm")], hint=hint
+        )
 
 
 def read_axes(motion: JointMotion, accepts: Accepts, emit: Emit, report: Report) -> tuple[str, ...]:

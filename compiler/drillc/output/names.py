@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -137,7 +137,8 @@ def map_names(
         entries += [_Entry("module", name, name, emit_span) for name in numbered]
     else:
         numbered = [title]
-    routines = rules.mapped([process.name for process in processes], "process")
+    suffix = _suffix(program, modules)
+    routines = rules.mapped([process.name + suffix for process in processes], "process")
     for process, name in zip(processes, routines, strict=True):
         entries.append(_Entry("process", process.name, name, process.span or emit_span))
     groups = dict(zip(regions, rules.mapped(list(regions), "region"), strict=True))
@@ -160,12 +161,17 @@ def map_names(
     )
 
 
-def names_csv(names: Names) -> bytes:
-    """The table of changed names: kind, spec, emitted. Empty when nothing was changed."""
-    if not names.changed:
-        return b""
+def _suffix(program: Program, modules: int) -> str:
+    """What tells the routines of one of an arm's stations from those of another. Routines that
+    several modules call are known to the whole controller, where both programs may lie."""
+    station = program.arm.station.name if program.arm else None
+    return f"_{station.text}" if station and modules > 1 else ""
+
+
+def names_csv(changed: Iterable[tuple[Kind, str, str]]) -> bytes:
+    """The table of changed names: kind, spec, emitted."""
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([("kind", "spec", "emitted"), *names.changed])
+    csv.writer(text, lineterminator="\n").writerows([("kind", "spec", "emitted"), *changed])
     return text.getvalue().encode("ascii")
 
 

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from drillc.language.diagnostics import Report
-from drillc.language.job import Emit
+from drillc.language.job import Emit, Texts
 from drillc.language.units import Dimension
 from drillc.output.names import Kind, NameRules, Names
 from drillc.output.numbers import Column
+from drillc.output.vias import plain_kinds
 from drillc.planning.program import Program
 
 #: Controllers whose numbers are single precision resolve about 0.01 mm this far out.
@@ -30,15 +31,18 @@ FARTHEST_MM = 100_000.0
 class Accepts:
     """What a controller can be told. Whatever is not accepted is refused before `check`.
 
-    `poses` and `joints` are the two kinds of program. `joint_feed`: a program in joints can feed a
-    drill in mm/s. `spindle`: the language has words for it ("native"), or it is switched through
-    the signals `spindle_on` and `spindle_speed`. `axes` are the names that an axis map may use, as
-    they are written in the output (a spec may write them in any case). `inputs`, `outputs` and
-    `analogs` are the numbers that signals may have.
+    `poses` and `joints` are the two kinds of program. `arms` are the makers whose arms the post
+    programs, "other" among them if it programs those of any other maker too; a program in poses
+    for an arm is refused where there are none, because it needs its vias made too. `joint_feed`: a
+    program in joints can feed a drill in mm/s. `spindle`: the language has words for it ("native"),
+    or it is switched through the signals `spindle_on` and `spindle_speed`. `axes` are the names
+    that an axis map may use, as they are written in the output (a spec may write them in any case).
+    `inputs`, `outputs` and `analogs` are the numbers that signals may have.
     """
 
     poses: bool = False
     joints: bool = False
+    arms: tuple[str, ...] = ()
     joint_feed: bool = True
     spindle: Literal["native", "signals"] = "signals"
     axes: tuple[str, ...] = ()
@@ -120,6 +124,18 @@ class PostProcessor(ABC):
 
     def columns(self, task: Task) -> dict[str, Column]:
         """Per-hole columns (n,) beside `id` (safe in a comment), `name` and `depth`."""
+        return {}
+
+    def via_kinds(self, task: Task) -> Texts:
+        """A word for each via (m,) of a program for an arm: those in a row that have the same come
+        as one stretch to the templates, so that each kind has its own text there."""
+        arm = task.program.arm
+        if arm is None:
+            raise ValueError("only a program for an arm has vias")
+        return plain_kinds(arm)
+
+    def via_columns(self, task: Task) -> dict[str, Column]:
+        """Per-via columns (m,) of a program for an arm, beside `number` and `to`."""
         return {}
 
     def context(self, task: Task) -> dict[str, object]:

@@ -11,6 +11,9 @@ nothing else; the text that results becomes a format string, and the columns are
 in blocks of rows. So layout stays in templates and speed does not depend on Jinja. What is poured
 in is never looked at again: no text from a spec can act as template code.
 
+An arm's program has a second table, the vias that it passes between holes: `per_via` does for them
+what `per_hole` does for holes.
+
 Whatever a template does that staging could not carry out faithfully raises `StagingError`, which
 names the template and the line: a test or a filter on a slot, an unknown column, a slot printed
 outside its block, a number printed without the `fixed` filter. It is the template author's mistake,
@@ -26,7 +29,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from jinja2 import (
@@ -57,24 +60,34 @@ class StagingError(Exception):
     """A template does what staging cannot carry out; the message names template and line."""
 
 
+#: What the rows of a body are; the word that a template's author has for one of them.
+Table = Literal["hole", "via"]
+#: Where a template finds the rows of a table.
+_FOUND: Mapping[Table, str] = {
+    "hole": "section.rows, section.first, section.rest",
+    "via": "stretch.rows, of a stretch of vias",
+}
+
+
 @dataclass(frozen=True)
 class Rows:
-    """The holes `start` … `stop`. True when there are any."""
+    """The holes, or vias, `start` … `stop`. True when there are any."""
 
     start: int
     stop: int
+    table: Table = "hole"
 
     def __len__(self) -> int:
         return max(0, self.stop - self.start)
 
 
 class Slot:
-    """The place of one hole's value in a body: it can be printed, all else is a `StagingError`."""
+    """The place of one row's value in a body: it can be printed, all else is a `StagingError`."""
 
     __slots__ = ("_column", "_number", "_printed")
 
     def __init__(self, column: str, number: int, printed: list[int]) -> None:
-        self._column = column
+        self._column = column  # as a template writes it: hole.depth
         self._number = number
         self._printed = printed
 
@@ -84,7 +97,7 @@ class Slot:
 
 def _refuse(slot: Slot, *_: object, **__: object) -> NoReturn:
     raise StagingError(
-        f"hole.{slot._column} can only be printed: its value is not known when the template is"
+        f"{slot._column} can only be printed: its value is not known when the template is"
         " rendered; compute what depends on it in the post's columns"
     )
 
@@ -101,9 +114,11 @@ for _name in _ASKED.split():
 
 
 class Row:
-    """The symbolic hole that a `per_hole` block is rendered with: `hole.depth` is a slot."""
+    """The symbolic hole that a `per_hole` block is rendered with: `hole.depth` is a slot. So too
+    the via of a `per_via` block."""
 
-    def __init__(self, columns: Sequence[str], printed: list[int]) -> None:
+    def __init__(self, table: Table, columns: Sequence[str], printed: list[int]) -> None:
+        self._table = table
         self._columns = columns
         self._printed = printed
 
@@ -115,14 +130,16 @@ class Row:
     def __getitem__(self, name: str) -> Slot:
         if name not in self._columns:
             near = difflib.get_close_matches(str(name), self._columns, 1)
-            mean = f"did you mean hole.{near[0]}?" if near else "known: " + ", ".join(self._columns)
-            raise StagingError(f"there is no column hole.{name}; {mean}")
-        return Slot(name, self._columns.index(name), self._printed)
+            known = "known: " + ", ".join(self._columns)
+            mean = f"did you mean {self._table}.{near[0]}?" if near else known
+            raise StagingError(f"there is no column {self._table}.{name}; {mean}")
+        return Slot(f"{self._table}.{name}", self._columns.index(name), self._printed)
 
 
 @dataclass(frozen=True)
 class Body:
-    """The text of one `per_hole` block: a %-format for one hole, its columns, and its rows."""
+    """The text of one `per_hole` or `per_via` block: a %-format for one row, its columns, and its
+    rows."""
 
     format: str
     columns: tuple[str, ...]
@@ -134,7 +151,7 @@ class StagedText:
     """A rendered template with its bodies still to be poured; can be iterated again and again."""
 
     parts: tuple[str | Body, ...]
-    columns: Mapping[str, Column]
+    tables: Mapping[Table, Mapping[str, Column]]
 
     def __iter__(self) -> Iterator[bytes]:
         """The text as chunks of ASCII, never the whole file at once."""
@@ -155,7 +172,7 @@ class StagedText:
             if isinstance(part, str):
                 yield part
             else:
-                yield from _poured(part, self.columns)
+                yield from _poured(part, self.tables[part.rows.table])
 
 
 def _poured(body: Body, columns: Mapping[str, Column]) -> Iterator[str]:
@@ -174,8 +191,9 @@ def _poured(body: Body, columns: Mapping[str, Column]) -> Iterator[str]:
 class Stage:
     """Renders the templates of one package against one set of columns.
 
-    `columns` are the per-hole values, all of the same length. `filters` are a post's own filters
-    beside `fixed`. Holds no state between renderings but Jinja's cache of compiled templates.
+    `columns` are the per-hole values, all of the same length; `via_columns` the per-via values.
+    `filters` are a post's own filters beside `fixed`. Holds no state between renderings but Jinja's
+    cache of compiled templates.
     """
 
     def __init__(
@@ -183,9 +201,13 @@ class Stage:
         package: str,
         columns: Mapping[str, Column],
         filters: Mapping[str, Callable[..., Any]] | None = None,
+        via_columns: Mapping[str, Column] | None = None,
     ) -> None:
         self._package = package
-        self._columns = columns
+        self._tables: dict[Table, Mapping[str, Column]] = {
+            "hole": columns,
+            "via": via_columns or {},
+        }
         self._templates: dict[str, str] = {}  # file → template, to say where a mistake is
         self._environment = ImmutableSandboxedEnvironment(
             loader=FunctionLoader(self._load),
@@ -205,14 +227,15 @@ class Stage:
         self, template: str, context: Mapping[str, object], newline: str = "\n"
     ) -> StagedText:
         """Render `template` once. Raises `StagingError` for every mistake in the template."""
-        bodies = _Bodies(self._columns)
+        bodies = _Bodies(self._tables)
+        blocks = {"per_hole": bodies.per_hole, "per_via": bodies.per_via}
         try:
             compiled = self._environment.get_template(template)
-            text = compiled.render({**context, "per_hole": bodies.per_hole})
+            text = compiled.render({**context, **blocks})
             parts = bodies.split(text, newline)
         except Exception as error:  # also a filter's or a macro's own failure
             raise StagingError(_said(error, template, self._templates)) from error
-        return StagedText(parts, self._columns)
+        return StagedText(parts, self._tables)
 
     def _load(self, name: str) -> tuple[str, str, Callable[[], bool]] | None:
         file = resources.files(self._package).joinpath(name)
@@ -227,23 +250,32 @@ class Stage:
 class _Bodies:
     """The bodies of one rendering."""
 
-    def __init__(self, columns: Mapping[str, Column]) -> None:
-        self._names = tuple(columns)
-        self._columns = columns
+    def __init__(self, tables: Mapping[Table, Mapping[str, Column]]) -> None:
+        self._tables = tables
         self._bodies: list[Body] = []
         self._inside = False
 
     def per_hole(self, rows: Rows, caller: Callable[[Row], str] | None = None) -> str:
         """What templates call as `{% call(hole) per_hole(section.rows) %} … {% endcall %}`."""
+        return self._staged("hole", rows, caller)
+
+    def per_via(self, rows: Rows, caller: Callable[[Row], str] | None = None) -> str:
+        """What templates call as `{% call(via) per_via(stretch.rows) %} … {% endcall %}`."""
+        return self._staged("via", rows, caller)
+
+    def _staged(self, table: Table, rows: Rows, caller: Callable[[Row], str] | None) -> str:
+        block = f"per_{table}"
         if caller is None:
-            raise StagingError("write {% call(hole) per_hole(rows) %} … {% endcall %}")
+            raise StagingError(f"write {{% call({table}) {block}(rows) %}} … {{% endcall %}}")
         if not isinstance(rows, Rows):
-            raise StagingError("per_hole takes rows: section.rows, section.first, section.rest")
+            raise StagingError(f"{block} takes rows: {_FOUND[table]}")
+        if rows.table != table:
+            raise StagingError(f"{block} takes rows of {table}s, not of {rows.table}s")
         if self._inside:
-            raise StagingError("a per_hole block cannot stand inside another")
+            raise StagingError("a per_hole or per_via block cannot stand inside another")
         self._inside = True
         printed: list[int] = []
-        text = caller(Row(self._names, printed))
+        text = caller(Row(table, tuple(self._tables[table]), printed))
         self._inside = False
         self._bodies.append(self._body(text, printed, rows))
         return f"\x01Body{len(self._bodies) - 1}\x02"
@@ -252,12 +284,14 @@ class _Bodies:
         literals, kinds, numbers = _cut(text)
         if "Body" in kinds or sorted(numbers) != sorted(printed):
             raise StagingError(
-                "a value of the hole was kept, tested or dropped instead of printed where it"
-                " stands; print {{ hole.… }} straight"
+                f"a value of the {rows.table} was kept, tested or dropped instead of printed where"
+                f" it stands; print {{{{ {rows.table}.… }}}} straight"
             )
-        names = tuple(self._names[number] for number in numbers)
+        columns = self._tables[rows.table]
+        every = tuple(columns)
+        names = tuple(every[number] for number in numbers)
         escaped = [literal.replace("%", "%%") for literal in literals]
-        conversions = [self._columns[name].conversion for name in names]
+        conversions = [columns[name].conversion for name in names]
         format_ = escaped[0] + "".join(map("".join, zip(conversions, escaped[1:], strict=True)))
         return Body(format_, names, rows)
 
@@ -265,9 +299,11 @@ class _Bodies:
         """The rendered text as literals and bodies, in order, with `newline` ending every line."""
         literals, kinds, numbers = _cut(text)
         if "Slot" in kinds:
-            raise StagingError("a value of a hole was printed outside of its per_hole block")
+            raise StagingError(
+                "a value of a row was printed outside of its per_hole or per_via block"
+            )
         if numbers != list(range(len(self._bodies))):
-            raise StagingError("the text of a per_hole block was kept, dropped or moved")
+            raise StagingError("the text of a per_hole or per_via block was kept, dropped or moved")
         literals = [literal.replace("\n", newline) for literal in literals]
         parts: list[str | Body] = [literals[0]]
         for body, literal in zip(self._bodies, literals[1:], strict=True):
@@ -319,7 +355,7 @@ def _check_blocks(template: nodes.Template) -> None:
     """No capturing inside per_hole: `{% set %}…{% endset %}` and `{% filter %}` see sentinels."""
     for block in template.find_all(nodes.CallBlock):
         called = block.call.node
-        if isinstance(called, nodes.Name) and called.name == "per_hole":
+        if isinstance(called, nodes.Name) and called.name in ("per_hole", "per_via"):
             for inner in block.find_all((nodes.AssignBlock, nodes.FilterBlock)):
                 raise TemplateAssertionError(
                     "a block {% set %} or {% filter %} cannot stand inside per_hole: the values of"

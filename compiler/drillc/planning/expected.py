@@ -9,6 +9,10 @@ import numpy as np
 from drillc.kernels.rotations import angle_between, quaternion_from_matrix
 from drillc.language.diagnostics import Report
 from drillc.language.job import (
+    JOINT_NAMES,
+    PORTAL_JOINTS,
+    ROTARY_JOINT,
+    Arm,
     ExpectCount,
     ExpectJoints,
     ExpectPosition,
@@ -16,7 +20,6 @@ from drillc.language.job import (
     Floats,
     Job,
 )
-from drillc.language.machine import PORTAL_JOINTS, ROTARY_JOINT
 from drillc.language.source import Span
 
 
@@ -49,9 +52,8 @@ def check_expectations(
                     )
             case ExpectJoints(row, wanted, within_mm, within_rad, span):
                 assert joints is not None
-                _check_joints(
-                    str(ids[row]), joints[row] - wanted, within_mm, within_rad, span, report
-                )
+                off = joints[row] - wanted
+                _check_joints(job, str(ids[row]), off, within_mm, within_rad, span, report)
             case ExpectCount(region, count, span):
                 there = job.regions[region].stop - job.regions[region].start
                 if there != count:
@@ -70,18 +72,30 @@ def _said_position(job: Job, row: int) -> str:
 
 
 def _check_joints(
-    name: str, off: Floats, within_mm: float, within_rad: float, span: Span, report: Report
+    job: Job,
+    name: str,
+    off: Floats,
+    within_mm: float,
+    within_rad: float,
+    span: Span,
+    report: Report,
 ) -> None:
+    arm = isinstance(job.robot, Arm)
+    names = JOINT_NAMES if arm else PORTAL_JOINTS
     misses = []
-    for index, (joint, error) in enumerate(zip(PORTAL_JOINTS, off.tolist(), strict=True)):
-        if index == ROTARY_JOINT and not abs(error) <= within_rad:
+    for index, (joint, error) in enumerate(zip(names, off.tolist(), strict=True)):
+        turns = arm or index == ROTARY_JOINT
+        if turns and not abs(error) <= within_rad:
             misses.append(f"{joint} by {math.degrees(error):+.4f} deg")
-        elif index != ROTARY_JOINT and not abs(error) <= within_mm:
+        elif not turns and not abs(error) <= within_mm:
             misses.append(f"{joint} by {error:+.4f} mm")
     if misses:
+        tolerance = f"{math.degrees(within_rad):g} deg"
+        if not arm:
+            tolerance = f"{within_mm:g} mm, {tolerance}"
         report.error(
             "E503",
             f"joints of hole {name} differ from what is expected: {', '.join(misses)} "
-            f"(within {within_mm:g} mm, {math.degrees(within_rad):g} deg)",
+            f"(within {tolerance})",
             span,
         )

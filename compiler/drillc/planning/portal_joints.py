@@ -26,8 +26,7 @@ from drillc.kernels.portal import (
 from drillc.kernels.windings import unwrap
 from drillc.language.diagnostics import Label, Report
 from drillc.language.holes import report_holes
-from drillc.language.job import Floats, Ints, Job, Limit, Portal
-from drillc.language.machine import PORTAL_JOINTS, ROTARY_JOINT
+from drillc.language.job import PORTAL_JOINTS, ROTARY_JOINT, Floats, Ints, Job, Limit, Portal
 from drillc.planning.clearance import standoffs_mm
 from drillc.planning.program import JointAxis, JointMotion
 from drillc.planning.travel import travel_height_mm, travel_points_mm

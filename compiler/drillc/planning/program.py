@@ -11,11 +11,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from drillc.language.job import (
+    Arm,
     Floats,
     HoleTable,
+    Ints,
     Process,
     Signal,
+    Station,
     Tool,
     WorkFrame,
 )
@@ -155,9 +161,45 @@ class JointMotion:
 
 
 @dataclass(frozen=True, eq=False)
+class Vias:
+    """Moves (m,) made beside the holes' cycles, in order: where an arm goes by joints (to begin a
+    section, to change its branch, from and to home), and by which points it passes where the
+    straight way is not clear.
+
+    Via i is made just before the cycle of hole `before[i]` (n: after the last cycle), and ends with
+    the tool (where the flange's tool centre point is) at `position_mm`, turned as `part_from_tool`,
+    the joints at `joints`. `by_joints`: all joints move in proportion; else the tool moves in a
+    straight line at the travel speed of that hole's process (of the last one's, at the end).
+    """
+
+    before: Ints  # (m,), not decreasing
+    by_joints: NDArray[np.bool_]  # (m,)
+    joints: Floats  # (m, 6)
+    position_mm: Floats  # (m, 3), part coordinates
+    part_from_tool: Floats  # (m, 3, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMotion:
+    """What a program in poses knows of the arm that runs it.
+
+    `joints` (n, 6) with the tool at the hole's surface, `standoff_joints` (n, 6) where its cycle
+    begins (depth -approach). With the vias, they say which of the arm's branches is meant. The
+    first hole of every section is reached by a via with `by_joints` that ends at its standoff.
+    """
+
+    arm: Arm
+    station: Station
+    joints: Floats
+    standoff_joints: Floats
+    vias: Vias
+
+
+@dataclass(frozen=True, eq=False)
 class Program:
     """`part_from_tool` (n, 3, 3) orients the tool at each hole; `depth_mm` (n,) is how deep each is
-    made. With `motion`, the program is written in joints, else in poses."""
+    made. With `motion`, the program is written in joints, else in poses; `arm` is what a program in
+    poses knows of its arm, where the spec describes one."""
 
     name: str
     frame: WorkFrame | None
@@ -169,3 +211,4 @@ class Program:
     part_from_tool: Floats
     depth_mm: Floats
     motion: JointMotion | None
+    arm: ArmMotion | None = None

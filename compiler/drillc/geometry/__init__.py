@@ -1,0 +1,1 @@
+"""Shapes, meshes, distances and collisions. Knows nothing of the language or of controllers."""

@@ -1,0 +1,196 @@
+"""The step between two rungs of many candidates: exact, without costing every transition.
+
+A candidate is superfluous where another one that costs less leads anywhere for no more, which the
+triangle inequality tells from the way between the two. Under a jump limit that holds only as far as
+the other's window of headings reaches. What is left to the candidate then is an interval of
+headings: often a thin one at the edge of its own window, more often none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import inf, pi
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from .rungs import Floats, Ints, Rungs, forbid_jumps, wrapped
+
+_PIVOTS = 8
+# Fewer transitions than this are all costed: to rule some out would take longer.
+_FEW = 32768
+# More transitions than this are not listed one by one.
+_LISTED = 24576
+# Rows of the table of transitions that are worked on at once, for the sake of the cache.
+_ROWS_AT_ONCE = 64
+# Wider than any rounding of angles, so that an interval never loses what the jump limit allows.
+_SLACK_RAD = 1e-9
+
+
+def wide_arrivals(rungs: Rungs, k: int, reach: Floats) -> None:
+    """Fill in `reach` (m,), the least cost of arriving, for rung k + 1 from that of rung k."""
+    a, b, c = rungs.start[k : k + 3].tolist()
+    source, target = _side(rungs, slice(a, b), reach), _side(rungs, slice(b, c), reach)
+    step = _Step(
+        source, target, float(rungs.jump_rad[k]), float(rungs.jump_limit_rad[k]), rungs.group_cost
+    )
+    if (b - a) * (c - b) <= _FEW:
+        reach[b:c] = _over_all(step) + rungs.node[b:c]
+        return
+    # Any order of the sources is right; in this one neighbours have much to do with each other.
+    order = np.argsort(source.heading_rad + 8.0 * source.group, kind="stable")
+    step = replace(step, source=source.take(order[source.value[order] < inf]))
+    if step.limit_rad >= pi:
+        reach[b:c] = _over_all(_without_superfluous(step)) + rungs.node[b:c]
+    else:
+        order = np.argsort(target.heading_rad, kind="stable")
+        step = replace(step, target=target.take(order))
+        reach[b + order] = _inside_windows(step) + rungs.node[b + order]
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """Candidates (p,) of one rung: travel (p, 6); value (p,), the cost of having come here."""
+
+    travel: Floats
+    heading_rad: Floats
+    group: Ints
+    value: Floats
+
+    def take(self, rows: NDArray[np.intp] | slice) -> _Side:
+        return _Side(self.travel[rows], self.heading_rad[rows], self.group[rows], self.value[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """From s sources to t targets."""
+
+    source: _Side
+    target: _Side
+    jump_rad: float
+    limit_rad: float
+    group_cost: float
+
+
+def _side(rungs: Rungs, rows: slice, reach: Floats) -> _Side:
+    return _Side(rungs.travel[rows], rungs.heading_rad[rows], rungs.group[rows], reach[rows])
+
+
+def _over_all(step: _Step) -> Floats:
+    """The least cost (t,) of arriving at each target, by costing every transition."""
+    source, target = step.source, step.target
+    least = np.full(len(target.value), inf)
+    for first in range(0, len(source.value), _ROWS_AT_ONCE):
+        some = source.take(slice(first, first + _ROWS_AT_ONCE))
+        cost = _table(some, target, step.group_cost)
+        forbid_jumps(
+            cost, some.heading_rad[:, None], target.heading_rad, step.jump_rad, step.limit_rad
+        )
+        np.minimum(least, cost.min(axis=0), out=least)
+    return least
+
+
+def _inside_windows(step: _Step) -> Floats:
+    """The same, by costing only what the sources are needed for. Targets are sorted by heading."""
+    source, target = step.source, step.target
+    size = len(target.value)
+    from_rad, to_rad = _needed(step)
+    needed = np.flatnonzero(from_rad <= to_rad)
+    source = source.take(needed)
+    from_rad = source.heading_rad - step.jump_rad + from_rad[needed]
+    to_rad = source.heading_rad - step.jump_rad + to_rad[needed]
+    # Intervals may pass ±pi, so the targets are laid out three times around.
+    around = (target.heading_rad + 2.0 * pi * np.arange(-1, 2)[:, None]).ravel()
+    first = np.searchsorted(around, from_rad)
+    count = np.minimum(np.searchsorted(around, to_rad, side="right") - first, size)
+    total = int(count.sum())
+    least = np.full(size, inf)
+    if total <= _LISTED:
+        i = np.repeat(np.arange(len(count)), count)
+        j = (np.arange(total) + np.repeat(first - np.cumsum(count) + count, count)) % size
+        leg = source.travel.take(i, axis=0)
+        leg -= target.travel.take(j, axis=0)
+        cost = np.abs(leg, out=leg) @ np.ones(leg.shape[1])
+        cost += source.value[i]
+        if step.group_cost:
+            cost += step.group_cost * (source.group[i] != target.group[j])
+        forbid_jumps(
+            cost, source.heading_rad[i], target.heading_rad[j], step.jump_rad, step.limit_rad
+        )
+        np.minimum.at(least, j, cost)
+        return least
+    for begin in range(0, size, _ROWS_AT_ONCE):
+        rows = slice(begin, begin + _ROWS_AT_ONCE)
+        some = target.take(rows)
+        low_rad, high_rad = some.heading_rad[[0, -1]].tolist()
+        apart = wrapped(0.5 * (from_rad + to_rad) - 0.5 * (low_rad + high_rad))
+        near = np.abs(apart) <= 0.5 * (to_rad - from_rad) + 0.5 * (high_rad - low_rad) + _SLACK_RAD
+        least[rows] = _over_all(replace(step, source=source.take(np.flatnonzero(near)), target=some))
+    return least
+
+
+def _table(source: _Side, target: _Side, group_cost: float) -> Floats:
+    """The cost (s, t) of arriving at each target through each source."""
+    cost = cdist(source.travel, target.travel, "cityblock")
+    if group_cost:
+        cost += group_cost * (source.group[:, None] != target.group)
+    cost += source.value[:, None]
+    return cost
+
+
+def _leads(step: _Step) -> tuple[NDArray[np.bool_], Floats]:
+    """Whether some other sources make each source superfluous where they can lead; (r, s), and
+    their headings (r, s): the pivots, then the neighbours before and behind."""
+    source = step.source
+    pivots = _pivots(source.value)
+    neighbours = np.abs(np.diff(source.travel, axis=0)) @ np.ones(source.travel.shape[1])
+    if step.group_cost:
+        neighbours += step.group_cost * (source.group[1:] != source.group[:-1])
+    size, last = len(source.value), len(pivots)
+    cost = np.full((last + 2, size), inf)
+    cost[:last] = _table(source.take(pivots), source, step.group_cost)
+    cost[last, 1:] = source.value[:-1] + neighbours
+    cost[last + 1, :-1] = source.value[1:] + neighbours
+    # Of two that are the same in everything, neither makes the other superfluous.
+    cheaper = _of_others(source.value, pivots) < source.value
+    return (cost <= source.value) & cheaper, _of_others(source.heading_rad, pivots)
+
+
+def _of_others(column: Floats, pivots: NDArray[np.intp]) -> Floats:
+    """A column (s,) at the pivots and at the neighbours (r, s); NaN where there is none."""
+    last = len(pivots)
+    others = np.full((last + 2, len(column)), np.nan)
+    others[:last] = column[pivots, None]
+    others[last, 1:] = column[:-1]
+    others[last + 1, :-1] = column[1:]
+    return others
+
+
+def _pivots(value: Floats) -> NDArray[np.intp]:
+    """The cheapest candidate of each of some equal parts."""
+    parts = min(_PIVOTS, len(value))
+    cuts = [part * len(value) // parts for part in range(parts + 1)] if parts else []
+    return np.array([a + int(value[a:b].argmin()) for a, b in pairwise(cuts)], dtype=np.intp)
+
+
+def _without_superfluous(step: _Step) -> _Step:
+    """Where all turns are allowed, all can lead anywhere."""
+    leads, _ = _leads(step)
+    return replace(step, source=step.source.take(np.flatnonzero(~leads.any(axis=0))))
+
+
+def _needed(step: _Step) -> tuple[Floats, Floats]:
+    """The least and the greatest turn (s,) for which each source may be needed; the former is the
+    greater one where it is not."""
+    leads, heading_rad = _leads(step)
+    turn_rad = wrapped(heading_rad - step.source.heading_rad)
+    above_rad = np.where(leads & (turn_rad >= 0.0), turn_rad, inf).min(axis=0)
+    below_rad = np.where(leads & (turn_rad <= 0.0), turn_rad, -inf).max(axis=0)
+    limit_rad = step.limit_rad
+    # What lies a turn above reaches from the turn less the limit on.
+    return (
+        np.maximum(-limit_rad, below_rad + limit_rad) - _SLACK_RAD,
+        np.minimum(limit_rad, above_rad - limit_rad) + _SLACK_RAD,
+    )

@@ -1,0 +1,273 @@
+"""Which joints make a hole's whole cycle: approach, full depth and retract, in one branch.
+
+The tool moves along its own axis, from the farther of the two standoffs to the depth. It is
+sampled for reach, limits and singularity at `moves.STEP_MM`; that the arm's links stay clear is
+proven for the whole way. The tool's own body is not looked at here (`headings.py` does).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drillc.kernels.arm import singularity
+from drillc.kernels.turns import all_turns
+from drillc.language.job import Floats, Ints, Job
+from drillc.planning.cell import TOOL, Cell
+from drillc.planning.moves import (
+    FINE,
+    HIT,
+    JUMP,
+    JUMP_RAD,
+    LIMIT,
+    REACH,
+    SINGULAR,
+    SLACK_RAD,
+    STEP_MM,
+    Sampled,
+    straight_moves,
+)
+from drillc.planning.proofs import find_hits
+
+#: Headings assessed together: bounds the memory of their poses and branches.
+_BLOCK = 2048
+#: A margin is a share of a joint's range, and 1 where the wrist is bent this far: from `ENOUGH` of
+#: either on, more is worth nothing.
+ENOUGH_LIMIT, ENOUGH_BEND_RAD = 0.1, np.radians(20.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Cycles:
+    """What the cycles of n holes ask: where they are, how the rule holds the tool (`rotation`,
+    part_from_tool at heading 0), and how far the tool goes along its axis, outwards and inwards."""
+
+    region: Ints
+    position_mm: Floats  # (n, 3)
+    rotation: Floats  # (n, 3, 3)
+    approach_mm: Floats  # (n,)
+    retract_mm: Floats  # (n,)
+    depth_mm: Floats  # (n,)
+
+    def __len__(self) -> int:
+        return len(self.region)
+
+    @property
+    def out_mm(self) -> Floats:
+        """The farther of the two standoffs."""
+        return np.maximum(self.approach_mm, self.retract_mm)
+
+    def turned(self, row: NDArray[np.int64], heading_rad: Floats) -> Floats:
+        """part_from_tool (k, 3, 3) of holes `row` (k,) at headings (k,) about the tool's axis."""
+        cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+        turned = self.rotation[row].copy()
+        x, y = self.rotation[row, :, 0], self.rotation[row, :, 1]
+        turned[:, :, 0] = x * cos[:, None] + y * sin[:, None]
+        turned[:, :, 1] = y * cos[:, None] - x * sin[:, None]
+        return turned
+
+    def at_depth(self, row: NDArray[np.int64], depth_mm: Floats) -> Floats:
+        """Where the tool's point is (k, 3), `depth_mm` (k,) along the feed from the surface."""
+        return np.asarray(self.position_mm[row] + self.rotation[row, :, 2] * depth_mm[:, None])
+
+
+def make_cycles(
+    job: Job, rows: NDArray[np.int64], part_from_tool: Floats, depth_mm: Floats
+) -> Cycles:
+    """The cycles of some holes of a job."""
+    region = job.holes.region[rows]
+    processes = [job.processes[r.process] for r in job.regions]
+    approach = np.array([p.approach_mm for p in processes])
+    retract = np.array([p.retract_mm for p in processes])
+    return Cycles(
+        region,
+        job.holes.position_mm[rows],
+        part_from_tool[rows],
+        approach[region],
+        retract[region],
+        depth_mm[rows],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Ways to make holes, m of them: sorted by hole, then in the order in which they were found.
+
+    joints (m, 6) are those at the surface, `standoff` and `leave` those where the cycle begins and
+    ends. `margin` (m,): the least share of a joint's range that is left over the cycle; `bend_rad`
+    (m,): the least bend of the wrist.
+    """
+
+    row: NDArray[np.int64]
+    heading_rad: Floats
+    branch: Ints
+    joints: Floats
+    standoff: Floats
+    leave: Floats
+    margin: Floats
+    bend_rad: Floats
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def take(self, some: NDArray[np.int64] | NDArray[np.bool_]) -> Candidates:
+        """Some of them."""
+        return Candidates(**{f.name: getattr(self, f.name)[some] for f in fields(self)})
+
+
+def join(parts: Sequence[Candidates]) -> Candidates:
+    """Several lists as one, sorted by hole."""
+    names = [f.name for f in fields(Candidates)]
+    whole = Candidates(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in names})
+    return whole.take(np.argsort(whole.row, kind="stable"))
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """What came of k headings × 8 branches: `cause` (k, 8) as in `moves`, `over_rad` and `joint`
+    (k, 8): by how much which joint oversteps its limits at the least, `bend_rad` (k, 8), `mover`
+    (k, 8) what hits. `candidates`: the ones that are fine, `row` being the hole's."""
+
+    cause: Ints
+    over_rad: Floats
+    joint: Ints
+    bend_rad: Floats
+    mover: Ints
+    candidates: Candidates
+
+
+def assess(
+    cell: Cell,
+    cycles: Cycles,
+    row: NDArray[np.int64],
+    heading_rad: Floats,
+    wanted: NDArray[np.bool_] | None = None,
+) -> Assessment:
+    """Judge holes `row` (k,) at `heading_rad` (k,): every branch, or those `wanted` (k, 8), and
+    every winding of each. A branch that is not wanted counts as out of reach."""
+    if wanted is None:
+        wanted = np.ones((len(row), 8), dtype=np.bool_)
+    blocks = [slice(i, i + _BLOCK) for i in range(0, max(1, len(row)), _BLOCK)]
+    parts = [_assess(cell, cycles, row[b], heading_rad[b], wanted[b]) for b in blocks]
+    if len(parts) == 1:
+        return parts[0]
+    return Assessment(
+        cause=np.concatenate([p.cause for p in parts]),
+        over_rad=np.concatenate([p.over_rad for p in parts]),
+        joint=np.concatenate([p.joint for p in parts]),
+        bend_rad=np.concatenate([p.bend_rad for p in parts]),
+        mover=np.concatenate([p.mover for p in parts]),
+        candidates=join([p.candidates for p in parts]),
+    )
+
+
+def _assess(
+    cell: Cell,
+    cycles: Cycles,
+    row: NDArray[np.int64],
+    heading_rad: Floats,
+    wanted: NDArray[np.bool_],
+) -> Assessment:
+    path, places = _path(cell, cycles, row, heading_rad)  # (k, K, 8, 6), (k, 3, 8, 6)
+    everywhere = np.concatenate([path, places], axis=1)
+    lost = np.isnan(everywhere).any(axis=(1, 3)) | ~wanted
+    jump = np.abs(np.diff(path, axis=1)).max(axis=(1, 3), initial=0.0) > JUMP_RAD
+    bend = np.nanmin(
+        np.where(lost[:, None], np.inf, singularity(cell.geometry, path).wrist_rad), axis=1
+    )
+    low, high = everywhere.min(axis=1), everywhere.max(axis=1)  # (k, 8, 6)
+    over, joint = _overstep(cell, low, high)
+    outside = over > SLACK_RAD
+    cause = np.zeros((len(path), 8), dtype=np.int32)
+    for bad, why in ((jump, JUMP), (bend < cell.singular_rad, SINGULAR), (outside, LIMIT)):
+        cause[bad] = why
+    cause[lost] = REACH
+    mover = np.full(cause.shape, -1, dtype=np.int32)
+    at, branch = np.nonzero(cause == FINE)
+    if len(at):
+        hits = _link_hits(cell, cycles, row[at], heading_rad[at], branch, path[at, :, branch])
+        hit = hits[0] >= 0
+        cause[at[hit], branch[hit]] = HIT + hits[0][hit]
+        mover[at[hit], branch[hit]] = hits[1][hit]
+        at, branch = at[~hit], branch[~hit]
+    which, turn, margin = _windings(cell, low[at, branch], high[at, branch])
+    surface, standoff, leave = (places[at[which], i, branch[which]] + turn for i in range(3))
+    candidates = Candidates(
+        row[at[which]],
+        heading_rad[at[which]],
+        branch[which].astype(np.int32),
+        surface,
+        standoff,
+        leave,
+        margin,
+        bend[at[which], branch[which]],
+    )
+    order = np.argsort(candidates.row, kind="stable")
+    return Assessment(cause, over, joint, bend, mover, candidates.take(order))
+
+
+def _path(
+    cell: Cell, cycles: Cycles, row: NDArray[np.int64], heading_rad: Floats
+) -> tuple[Floats, Floats]:
+    """All branches along the way, from the outmost standoff to the depth, and at the surface, at
+    the standoff and where the tool leaves; each continued from the surface's."""
+    count = len(row)
+    out, depth = cycles.out_mm[row], cycles.depth_mm[row]
+    steps = 1 + max(1, int(np.ceil((out + depth).max(initial=0.0) / STEP_MM)))
+    share = np.linspace(0.0, 1.0, steps)
+    along = -out[:, None] + (out + depth)[:, None] * share
+    special = np.stack([np.zeros(count), -cycles.approach_mm[row], -cycles.retract_mm[row]], axis=1)
+    depths = np.concatenate([along, special], axis=1)  # (k, K + 3)
+    wide = depths.shape[1]
+    rows = np.repeat(row, wide)
+    rotation = np.repeat(cycles.turned(row, heading_rad), wide, axis=0)
+    joints = cell.branches(rotation, cycles.at_depth(rows, depths.ravel()))
+    joints = joints.reshape(count, wide, 8, 6)
+    surface = joints[:, steps : steps + 1]
+    joints = joints - 2 * np.pi * np.round((joints - surface) / (2 * np.pi))
+    return joints[:, :steps], joints[:, steps:]
+
+
+def _overstep(cell: Cell, low: Floats, high: Floats) -> tuple[Floats, Ints]:
+    """By how much the joint that fits worst oversteps its limits, in its best winding."""
+    best = np.full(low.shape, np.inf)
+    for turn in (-2 * np.pi, 0.0, 2 * np.pi):
+        over = np.maximum(cell.low_rad - low - turn, high + turn - cell.high_rad)
+        best = np.fmin(best, over)
+    joint = np.argmax(best, axis=2)
+    return np.take_along_axis(best, joint[..., None], axis=2)[..., 0], joint.astype(np.int32)
+
+
+def _link_hits(
+    cell: Cell,
+    cycles: Cycles,
+    row: NDArray[np.int64],
+    heading_rad: Floats,
+    branch: NDArray[np.int64],
+    path: Floats,
+) -> tuple[Ints, Ints]:
+    """Which guard the links are not proven clear of, (j,), and which link; -1: none."""
+    rotation = cycles.turned(row, heading_rad)
+    start = rotation, cycles.at_depth(row, -cycles.out_mm[row])
+    stop = rotation, cycles.at_depth(row, cycles.depth_mm[row])
+    moves = straight_moves(
+        cycles.region[row], start, stop, branch.astype(np.int32), path[:, 0], path[:, -1]
+    )
+    first = np.arange(len(row) + 1, dtype=np.int64) * path.shape[1]
+    sampled = Sampled(moves, first, path.reshape(-1, 6))
+    links = tuple(mover for mover in cell.movers if mover.link != TOOL)
+    hits = find_hits(cell, sampled, np.arange(len(row)), links)
+    return hits.guard, hits.mover
+
+
+def _windings(cell: Cell, low: Floats, high: Floats) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Every choice of whole turns that keeps joints which go from `low` to `high` (j, 6) over the
+    cycle inside the limits: which row it is of (w,), the turns (w, 6) in radians, and the margin
+    (w,) that is left."""
+    which, lowest = all_turns(low, cell.low_rad, cell.high_rad - (high - low))
+    turn = lowest - low[which]
+    room = np.minimum(lowest - cell.low_rad, cell.high_rad - high[which] - turn)
+    margin = (room / (cell.high_rad - cell.low_rad)).min(axis=1, initial=np.inf)
+    return which, turn, np.maximum(0.0, margin)
