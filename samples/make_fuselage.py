@@ -8,10 +8,10 @@ axis, which is x. A point of it has two angles, u along the fuselage and φ abov
     point   = (M sin u,  ρ cos φ,  ρ sin φ)       ρ = R - M (1 - cos u)
     outward = (sin u,  cos u cos φ,  cos u sin φ)  unit as it stands
 
-Holes lie along stringers (φ constant) and around frames (u constant); their angles follow from their
-ids. Two contour boards, cut to the skin, hold the panel from outside; two straight bars
-stand beside them (the spec has those as boxes). Where boards and bars hide the skin there is no
-hole: those are drilled when the panel has been turned to its other clamps.
+Holes lie along stringers (φ constant) and around frames (u constant); their angles follow from
+their ids. Two contour boards, cut to the skin, hold the panel from outside; two straight bars stand
+between them (the spec has those as boxes). Where boards and bars hide the skin there is no hole:
+those are drilled when the panel has been turned to its other clamps.
 
 There is nothing random here and coordinates are rounded before they are written, so the same bytes
 come out each time. A test compares them with the files in the repository.
@@ -73,24 +73,25 @@ class Hole:
 
 def holes() -> Iterator[Hole]:
     """In the order of work: the aft half, then the forward half; in each, the stringers from the
-    lowest up and then the frames from the rearmost on. Every row begins where the last one ended.
+    lowest up and then the frames from the middle of the fuselage or its end inwards, so that every
+    row begins about where the last one ended.
 
-    Sssppp  stringer ss = 01 … 13  φ = 5 (ss - 7)°  place ppp = 001 … 127  u = 0.1 (ppp - 64)°
-    Fffppp  frame ff = 01 … 07     u = 2 (ff - 4)°  place ppp = 001 … 097  φ = 0.625 (ppp - 49)°
+    Sssppp  stringer ss = 01 … 13  φ = 4 (ss - 7)°  place ppp = 001 … 127  u = 0.1 (ppp - 64)°
+    Fffppp  frame ff = 01 … 07     u = 2 (ff - 4)°  place ppp = 001 … 097  φ = 0.5 (ppp - 49)°
 
     Stringers leave out the places under the frames, frames those under the stringers. The frame in
-    the middle, 04, belongs to the aft half.
+    the middle, 04, belongs to the forward half.
     """
-    for along, frames in ((range(1, 64), range(1, 5)), (range(65, 128), range(5, 8))):
+    for along, frames in ((range(1, 64), (3, 2, 1)), (range(65, 128), (7, 6, 5, 4))):
         for s in range(1, 14):
             for p in along if s % 2 else reversed(along):
                 tenths = p - 64
                 if tenths % 20 and not any(abs(tenths - at) < HIDDEN for at in HELD):
-                    yield Hole(f"S{s:02d}{p:03d}", tenths / 10, 5.0 * (s - 7), STRINGER_MM)
+                    yield Hole(f"S{s:02d}{p:03d}", tenths / 10, 4.0 * (s - 7), STRINGER_MM)
         for f in frames:
-            for p in range(1, 98) if f % 2 == 0 else range(97, 0, -1):
+            for p in range(97, 0, -1) if f % 2 else range(1, 98):
                 if (p - 49) % 8:
-                    yield Hole(f"F{f:02d}{p:03d}", 2.0 * (f - 4), 0.625 * (p - 49), FRAME_MM)
+                    yield Hole(f"F{f:02d}{p:03d}", 2.0 * (f - 4), 0.5 * (p - 49), FRAME_MM)
 
 
 def holes_csv() -> bytes:
@@ -112,8 +113,8 @@ def _fixed(values: Floats, decimals: int) -> list[str]:
 # ── skin.ply ─────────────────────────────────────────────────────────────────────────────────────
 
 #: The panel's edges, and the grid's steps: flat triangles are at most 0.45 mm from the true skin.
-SKIN_U_DEG, SKIN_PHI_DEG = (-6.6, 6.6), (-32.0, 32.0)
-STEPS_U, STEPS_PHI = 22, 40
+SKIN_U_DEG, SKIN_PHI_DEG = (-6.6, 6.6), (-26.0, 26.0)
+STEPS_U, STEPS_PHI = 22, 32
 
 
 def skin_ply() -> bytes:
@@ -122,7 +123,8 @@ def skin_ply() -> bytes:
     phi = np.linspace(*SKIN_PHI_DEG, STEPS_PHI + 1)
     vertices = points(*(grid.ravel() for grid in np.meshgrid(u, phi, indexing="ij")))
     number = np.arange(len(vertices)).reshape(len(u), len(phi))
-    return _ply(vertices, _quads(number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
+    aft, fore = number[:-1], number[1:]
+    return _ply(vertices, _quads(aft[:, :-1], aft[:, 1:], fore[:, 1:], fore[:, :-1]))
 
 
 def _ply(vertices: Floats, faces: Ints) -> bytes:
@@ -144,7 +146,7 @@ def _ply(vertices: Floats, faces: Ints) -> bytes:
 #: their edges are, and the steps of their arcs.
 BOARDS_U_DEG = (-3.0, 3.0)
 BOARD_MM, BOARD_OFF_MM = 40.0, (12.0, 180.0)
-BOARD_PHI_DEG, BOARD_STEPS = (-34.0, 34.0), 17
+BOARD_PHI_DEG, BOARD_STEPS = (-28.0, 28.0), 14
 
 
 def boards_stl() -> bytes:
@@ -178,7 +180,8 @@ def _board(u_deg: float) -> Floats:
 
 def _stl(triangles: Floats) -> bytes:
     """Binary STL; the normals are left to the reader."""
-    record = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("at", "<f4", (3, 3)), ("_", "<u2")])
+    layout = [("normal", "<f4", 3), ("at", "<f4", (3, 3)), ("attribute", "<u2")]
+    record = np.zeros(len(triangles), dtype=layout)
     record["at"] = _float32(triangles)
     title = b"contour boards; mm; part coordinates".ljust(80)
     return title + np.array(len(triangles), dtype="<u4").tobytes() + record.tobytes()

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
+import zipfile
 from pathlib import Path
 
 import pytest
 from diagnostics.running import FINE, TOOL, Bench, files_of
-from drillc.language import loading, parser
+from drillc.geometry import threemf
+from drillc.language import loading, mesh_files, parser
 from drillc.language.loading import MAX_USE_DEPTH, Limit
 from drillc.language.parser import MAX_NESTING, MAX_STRUCTURE_CHARACTERS
 
@@ -240,6 +243,57 @@ def test_a_huge_file_is_refused_unread(bench: Bench) -> None:
     text = said(bench)
     assert text.startswith("spec.drill:4:17: error E122: holes.csv has 4,294,967,297 bytes;")
     assert "(MAX_TABLE_BYTES)" in text
+
+
+MESH = HEAD + 'fixture jig { mesh "jig.stl" mm }\n' + FINE.splitlines()[4] + "\n"
+FACET = "facet normal 0 0 1\nouter loop\nvertex {0} 0 0\nvertex {1} 0 0\nvertex {0} 1 0\n"
+
+
+def test_a_huge_mesh_is_refused_unread(bench: Bench) -> None:
+    bench.write({"spec.drill": MESH})
+    with (bench.folder / "jig.stl").open("wb") as file:
+        file.truncate(loading.MESH_LIMIT.size + 1)
+    assert said(bench) == (
+        "spec.drill:4:20: error E122: jig.stl has 268,435,457 bytes; the limit (MAX_MESH_BYTES) is "
+        "268,435,456\n"
+        '  4 | fixture jig { mesh "jig.stl" mm }\n'
+        "    |                    ^^^^^^^^^\n"
+    )
+
+
+def test_a_mesh_of_too_many_triangles(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mesh_files, "MAX_MESH_TRIANGLES", 1999)
+    facets = "".join(FACET.format(i, i + 1) + "endloop\nendfacet\n" for i in range(2000))
+    bench.write({"spec.drill": MESH, "jig.stl": f"solid jig\n{facets}endsolid jig\n"})
+    assert said(bench) == (
+        'spec.drill:4:20: error E133: "jig.stl" has 2,000 triangles; the limit '
+        "(MAX_MESH_TRIANGLES) is 1,999\n"
+        '  4 | fixture jig { mesh "jig.stl" mm }\n'
+        "    |                    ^^^^^^^^^\n"
+        "  hint: export it more coarsely; 0.1 mm of deviation is plenty\n"
+    )
+
+
+def test_a_mesh_that_claims_more_than_it_has(bench: Bench) -> None:
+    """Four billion triangles in a hundred bytes."""
+    bench.write({"spec.drill": MESH, "jig.stl": bytes(80) + b"\xff\xff\xff\xff" + bytes(50)})
+    text = said(bench)
+    assert text.startswith('spec.drill:4:20: error E131: "jig.stl" cannot be used: its length ')
+
+
+def test_an_archive_that_unpacks_to_much_more(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", b"<model>" + b" " * 20_000_000)
+    assert len(packed.getvalue()) < 50_000
+    monkeypatch.setattr(threemf, "MOST_XML_BYTES", 10_000_000)
+    spec = MESH.replace("jig.stl", "jig.3mf")
+    bench.write({"spec.drill": spec, "jig.3mf": packed.getvalue()})
+    text = said(bench)
+    assert text.startswith('spec.drill:4:20: error E131: "jig.3mf" cannot be used: ')
+    assert "10,000,000" in text
 
 
 def test_too_much_structure(bench: Bench) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -19,7 +20,8 @@ from drillc.language.job import Signal
 from drillc.output.emission import CycleView, ModuleView, ProgramView, SectionView, context_of
 from drillc.output.names import NameRules
 from drillc.output.post import Accepts, Option, PostProcessor, Task
-from drillc.planning.program import JointMotion, Program, Step
+from drillc.output.vias import Stretch
+from drillc.planning.program import ArmMotion, JointMotion, Program, Step, Vias
 
 TEXT = document("post-processors.md")
 BLOCKS = blocks(TEXT)
@@ -153,6 +155,17 @@ def test_the_program_and_the_task_are_described() -> None:
         assert f"`motion.{field.name}`" in text, field.name
     for field in fields(Task):
         assert f"`task.{field.name}" in CODE or f"task.{field.name}" in CODE, field.name
+
+
+def test_what_a_program_for_an_arm_adds_is_described() -> None:
+    text = _section("Programs for arms")
+    assert {field.name for field in fields(ArmMotion)} - {"vias"} <= set(
+        re.findall(r"`(\w+)`", text)
+    )
+    for field in fields(Vias):
+        assert f"`vias.{field.name}`" in text, field.name
+    for field in fields(Stretch):
+        assert f"`{field.name}`" in text, field.name
 
 
 def test_every_step_is_described() -> None:

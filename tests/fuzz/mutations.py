@@ -6,6 +6,7 @@ same number always gives the same tree and the same command (`case_of`).
 
 from __future__ import annotations
 
+import posixpath
 import random
 import re
 from collections.abc import Callable, Mapping
@@ -96,7 +97,7 @@ def seeds() -> tuple[Tree, ...]:
         files = {
             str(path.relative_to(folder).as_posix()): path.read_bytes()
             for path in sorted(folder.rglob("*"))
-            if path.is_file() and path.suffix in {".drill", ".cell", ".csv"}
+            if path.is_file() and path.suffix in {".drill", ".cell", ".csv", ".obj"}
         }
         specs = [name for name in files if name.endswith(".drill")]
         shared = {name: data for name, data in files.items() if name not in specs}
@@ -118,7 +119,7 @@ def _used(name: str, files: Mapping[str, bytes]) -> dict[str, bytes]:
             folder = name.rpartition("/")[0]
             for quoted in re.findall(rb'"([^"\n]+)"', files[name]):
                 written = quoted.decode()
-                waiting.append(f"{folder}/{written}" if folder else written)
+                waiting.append(posixpath.normpath(posixpath.join(folder, written)))
     return found
 
 
@@ -137,7 +138,7 @@ _QUANTITY = re.compile(
 )
 
 
-def _some_file(tree: Tree, rng: random.Random, suffixes: str = "drill cell csv") -> str:
+def _some_file(tree: Tree, rng: random.Random, suffixes: str = "drill cell csv obj") -> str:
     """A file to damage: the spec itself half of the time."""
     names = [name for name in tree.files if name.rpartition(".")[2] in suffixes.split()]
     if not names:
@@ -259,7 +260,7 @@ def nasty_number(tree: Tree, rng: random.Random) -> None:
             return rng.choice((digits, "0." + digits, "0" * 20 + digits, digits + "e-30"))
         return rng.choice(NASTY_NUMBERS)
 
-    _replace(tree, rng, _NUMBER, new, "drill cell csv")
+    _replace(tree, rng, _NUMBER, new, "drill cell csv obj")
 
 
 def other_number(tree: Tree, rng: random.Random) -> None:
@@ -279,7 +280,7 @@ def other_number(tree: Tree, rng: random.Random) -> None:
             case _:
                 return old + rng.choice(("0", "1", "5", "e1", "e-1"))
 
-    _replace(tree, rng, _NUMBER, new, "drill cell csv")
+    _replace(tree, rng, _NUMBER, new, "drill cell csv obj")
 
 
 def other_quantity(tree: Tree, rng: random.Random) -> None:
@@ -298,6 +299,9 @@ def other_quantity(tree: Tree, rng: random.Random) -> None:
 
 #: Words that may stand in each other's place.
 _FAMILIES = (
+    ("kuka", "abb", "other"), ("A1", "A2", "A3", "A4", "A5", "A6"), ("left", "right", "jig"),
+    ("box", "capsule", "cylinder", "mesh"), ("given", "shortest", "shortest within region"),
+    ("deviation", "travel", "margin"), ("into", "outward", "from surface"),
     ("below", "above"), ("centre", "widest_margin", "least_travel"), ("into", "outward"),
     ("x", "y"), ("+X", "-X", "+Y", "-Y", "+Z", "-Z"), ("krl", "rapid", "gcode"),
     ("output", "input", "analog"), ("q1", "q2", "q3", "q4", "q5", "q6"),
@@ -554,7 +558,7 @@ def nasty_path(tree: Tree, rng: random.Random) -> None:
     tree.others |= {"link": "link /etc", "loop": "link loop", "dangling": "link nowhere"}
     tree.others |= {"folder": "folder", "pipe": "pipe"}
     written = rng.choice(_PATHS).replace("{spec}", tree.spec)
-    paths = re.compile(r'"[^"\n]*\.(?:csv|cell)"')
+    paths = re.compile(r'"[^"\n]*\.(?:csv|cell|obj)"')
     _replace(tree, rng, paths, lambda _: f'"{written}"', "drill cell")
 
 

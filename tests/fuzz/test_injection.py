@@ -53,9 +53,30 @@ region {region} {{ select t where id like "*" process {process} }}
 region inline {{ points mm {{ {hole} (5000, 100, 3) normal (0, 0, 1) }} }}
 emit gcode {{ axes {{ q1 U q2 V q3 A q4 X q5 Y q6 Z }} }}
 """
+ARM = """\
+drill 1
+program {program}
+part p {{ up +Z normals outward frame 1 }}
+tool {tool} {{ number 1 tcp (0, 0, 200) mm body {{ mesh "{mesh}" mm }} }}
+robot {robot} arm {{
+  model kuka_kr210_r3100_2
+  station {station} at (4000, 1500, -1500) mm rotate z -90 deg
+  home {{ A1 0 deg A2 -90 deg A3 90 deg A4 0 deg A5 30 deg A6 0 deg }}
+}}
+process {process} {{ approach 9 mm retract 9 mm }}
+holes t from "{file}" {{ units mm columns {{ id "{title}" x X y Y z Z i I j J k K }} }}
+region {region} {{ station {station} posture x horizontal process {process} select t }}
+emit krl
+"""
+#: A closed mesh whose parts have names.
+MESH = (
+    f"mtllib {PAYLOAD}.mtl\no {PAYLOAD}\nv 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\n"
+    f"g {PAYLOAD}\nusemtl {PAYLOAD}\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+)
 PLACES = {
     "program": "PROG", "tool": "ee", "alias": "doClamp", "process": "touch", "file": "t.csv",
     "title": "ID", "region": "reg", "hole": "P1", "setting": "tTool", "text": "wPart",
+    "robot": "kr", "station": "left", "mesh": "body.obj",
 }  # fmt: skip
 
 
@@ -72,10 +93,11 @@ def compiled(
     writer = csv.writer(table)
     writer.writerow([places["title"], *"XYZIJK"])
     writer.writerows([name, 4000 + row, 0, 0, 0, 0.6, 0.8] for row, name in enumerate(ids))
-    try:
-        (folder / places["file"]).write_text(table.getvalue(), "utf-8", "surrogatepass", "")
-    except (OSError, ValueError):
-        (folder / "t.csv").write_text(table.getvalue(), "utf-8", "surrogatepass", "")
+    for place, text in (("file", table.getvalue()), ("mesh", MESH)):
+        try:
+            (folder / places[place]).write_text(text, "utf-8", "surrogatepass", "")
+        except (OSError, ValueError):
+            (folder / PLACES[place]).write_text(text, "utf-8", "surrogatepass", "")
     spec = folder / "spec.drill"
     spec.write_text(template.format(**places), "utf-8", "surrogatepass", "")
     out = folder / "out"
@@ -89,18 +111,27 @@ def compiled(
     return snapshot(out)
 
 
-@pytest.mark.parametrize("template", [POSES, JOINTS], ids=["poses", "joints"])
+@pytest.mark.parametrize("template", [POSES, JOINTS, ARM], ids=["poses", "joints", "arm"])
 def test_the_specs_compile_when_nothing_is_wrong_with_them(template: str, tmp_path: Path) -> None:
     assert compiled(tmp_path, template, PLACES, ["A1", "A2"], must_compile=True)
 
 
-@pytest.mark.parametrize("template", [POSES, JOINTS], ids=["poses", "joints"])
-@pytest.mark.parametrize("place", [*PLACES, "id"])
+#: What stands in a spec for an arm only.
+ARMS_PLACES = ("robot", "station", "mesh")
+TRIED = [
+    *((POSES, place) for place in [*PLACES, "id"] if place not in ARMS_PLACES),
+    *((JOINTS, place) for place in [*PLACES, "id"] if f"{{{place}}}" in JOINTS or place == "id"),
+    *((ARM, place) for place in ARMS_PLACES),
+]
+_CALLED = {POSES: "poses", JOINTS: "joints", ARM: "arm"}
+
+
+@pytest.mark.parametrize(
+    ("template", "place"), TRIED, ids=[f"{_CALLED[text]}-{place}" for text, place in TRIED]
+)
 def test_nothing_breaks_out_of_a_name(template: str, place: str, tmp_path: Path) -> None:
-    if f"{{{place}}}" not in template and place != "id":
-        pytest.skip("not in this spec")
     for number, breaker in enumerate(BREAKERS):
-        evil = f"A{breaker}{PAYLOAD}"
+        evil = f"A{breaker}{PAYLOAD}" + (".obj" if place == "mesh" else "")
         places = PLACES if place == "id" else {**PLACES, place: evil}
         ids = ["A1", evil if place == "id" else "A2"]
         files = compiled(tmp_path / str(number), template, places, ids)

@@ -192,6 +192,17 @@ def test_more_transitions_than_are_listed():
     is_the_optimum(random_ladder(rng, [700, 900, 500], limits=(1.0, 2.0), groups=3))
 
 
+def test_every_candidate_is_reached_at_its_least_cost():
+    """Also those that no optimum needs: a last rung of one candidate asks for a group each."""
+    rng = np.random.default_rng(12)
+    for limit in (inf, 2.5):
+        ladder = random_ladder(rng, [300, 280, 1], None, (limit,), 120, weight=np.full(6, 1e-3))
+        for last_group in range(0, 120, 3):
+            group = ladder.group.copy()
+            group[-1] = last_group
+            is_the_optimum(replace(ladder, group=group, group_cost=3.0))
+
+
 def test_where_it_is_blocked():
     rng = np.random.default_rng(4)
     ladder = random_ladder(rng, [3, 4, 2, 5, 3])

@@ -120,11 +120,13 @@ def arm_program(
     ids: Sequence[str] | None = None,
     joints_deg: Sequence[Sequence[float]] | None = None,
     home_deg: Sequence[float] | None = HOME_DEG,
+    home_first: bool = True,
     ways: Mapping[int, Sequence[Way]] | None = None,
 ) -> Program:
     """Sections as `pose_program` takes them. Each begins with a move of the joints to its first
     standoff; `ways` are made before that, or before the cycle of a hole in a section; those of
-    hole n, at the end. With a home, the program begins and ends there."""
+    hole n, at the end. With a home, the last via leads there, and if it is `home_first`, the first
+    one too."""
     plain = pose_program(sections, cycles, name=name)
     n = len(plain.holes)
     joints = joints_deg or some_joints(n, maker)
@@ -139,7 +141,7 @@ def arm_program(
     home = [] if home_deg is None else [Way(True, tuple(home_deg))]
     made: list[tuple[int, Way]] = []
     for hole in range(n + 1):
-        made += [(hole, way) for way in home if hole == 0]
+        made += [(hole, way) for way in home if hole == 0 and home_first]
         made += [(hole, way) for way in (ways or {}).get(hole, ())]
         made += [(hole, Way(True, tuple(standoffs[hole])))] if hole in starts else []
         made += [(hole, way) for way in home if hole == n]

@@ -135,6 +135,9 @@ PROGRAMS: dict[str, Callable[[str], Program]] = {
     "one_hole": lambda m: arm_program([("a", 0, 1)], [drill_cycle()], maker=m),
     "peck": lambda m: arm_program([("a", 0, 5)], [drill_cycle(peck_mm=3.0)], maker=m),
     "visit": lambda m: arm_program([("a", 0, 3)], [visit_cycle()], maker=m),
+    "from_home_unasked": lambda m: arm_program(
+        [("a", 0, 2), ("b", 0, 1)], [visit_cycle()], maker=m, home_first=False
+    ),
     "no_home": lambda m: arm_program([("a", 0, 3)], [drill_cycle()], maker=m, home_deg=None),
     "detours": lambda m: arm_program(
         [("upper", 0, 3), ("lower", 1, 3), ("rim", 0, 1)],

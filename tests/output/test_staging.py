@@ -8,7 +8,7 @@ from pathlib import Path
 import jinja2
 import numpy as np
 import pytest
-from drillc.output.numbers import Column, Fixed, Text, fixed
+from drillc.output.numbers import Column, Fixed, Text, Whole, fixed
 from drillc.output.staging import BLOCK_ROWS, Rows, Stage, StagedText, StagingError
 
 N = 3 * BLOCK_ROWS + 17
@@ -278,3 +278,43 @@ def test_renderings_share_nothing(package: Path) -> None:
     second = stage.render("t.j2", {"rows": Rows(1, 2)})
     assert (text_of(first), text_of(second)) == ("P0\n", "P1\n")
     assert not re.search(rb"[\x00-\x08]", b"".join(first))
+
+
+# ── a second table ───────────────────────────────────────────────────────────────────────────────
+
+
+def with_vias(package: Path, source: str) -> str:
+    """Rendered and poured with two vias beside the five holes."""
+    (package / "t.j2").write_text(source, encoding="utf-8")
+    vias = {"number": Whole(np.array([7, 8])), "x": Fixed(np.array([0.5, -1.5]), 1)}
+    stage = Stage("stagetemplates", columns(), via_columns=vias)
+    context = {"holes": Rows(0, 2), "vias": Rows(0, 2, "via")}
+    return text_of(stage.render("t.j2", context))
+
+
+def test_vias_are_poured_from_their_own_columns(package: Path) -> None:
+    text = with_vias(
+        package,
+        "{% call(v) per_via(vias) %}\n{{ v.number }}: {{ v.x }}\n{% endcall %}\n"
+        "{% call(hole) per_hole(holes) %}\n{{ hole.x }}\n{% endcall %}\n",
+    )
+    assert text.splitlines()[:2] == ["7: 0.5", "8: -1.5"]
+    assert len(text.splitlines()) == 4
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("{% call(v) per_via(holes) %}{{ v.x }}{% endcall %}", "rows of vias, not of holes"),
+        ("{% call(h) per_hole(vias) %}{{ h.x }}{% endcall %}", "rows of holes, not of vias"),
+        ("{% call(v) per_via(vias) %}{{ v.depth }}{% endcall %}", "no column via.depth; known: n"),
+        ("{% call(v) per_via(vias) %}{{ v.nunber }}{% endcall %}", "did you mean via.number"),
+        ("{% call(v) per_via(vias) %}{{ v.x + 1 }}{% endcall %}", "via.x can only be printed"),
+        ("{{ per_via(vias) }}", r"write {% call\(via\) per_via"),
+        ("{% call(v) per_via(vias) %}{% call(h) per_hole(holes) %}{{ h.x }}{{ v.x }}{% endcall %}"
+         "{% endcall %}", "cannot stand inside another"),
+    ],
+)  # fmt: skip
+def test_the_tables_are_kept_apart(package: Path, source: str, message: str) -> None:
+    with pytest.raises(StagingError, match=message):
+        with_vias(package, source)

@@ -7,7 +7,7 @@ from pathlib import Path
 import drillc
 import pytest
 from drillc.language.diagnostics import Refused, Report
-from drillc.language.job import HoleTable, Job, Part
+from drillc.language.job import HoleTable, Job, Part, Weights
 from drillc.language.source import Source
 from drillc.output.emission import OutFile
 from drillc.output.writing import write_outputs
@@ -33,6 +33,8 @@ def job(tmp_path: Path) -> Job:
         regions=(),
         holes=HoleTable.__new__(HoleTable),
         heading_jump_max_rad=None,
+        order_shortest=False,
+        weights=Weights(),
         expects=(),
         emits=(),
         inputs=(Source(spec, "a.drill", "drill 1\n", "a.drill", sha256=SPEC_SHA256),),

@@ -160,9 +160,14 @@ def expected(
 
 
 def _with_vias(program: Program, world: World, events: list[Event]) -> None:
-    """The holes in order, each after its vias; what follows the last hole is of its process."""
+    """From home, where there is one, the holes in order, each after its vias; what follows the last
+    hole is of its process."""
     assert program.arm is not None
     vias, last = program.arm.vias, len(program.holes)
+    home = program.arm.arm.home_rad
+    if home is not None and not (len(vias.joints) and np.array_equal(vias.joints[0], home)):
+        degrees = (home * 180.0 / math.pi).tolist()
+        events.append(Move(False, None, {f"A{k + 1}": degrees[k] for k in range(6)}))
     cycles = [s.cycle for s in program.sections for _ in range(s.start, s.stop)]
     for row in range(last + 1):
         travel = program.cycles[cycles[min(row, last - 1)]].process.travel_mm_s

@@ -1,4 +1,4 @@
-"""An arm of its own for the walk: joints to points with scipy, poses to joints with py-opw-kinematics.
+"""An arm for the walk: joints to points with scipy, poses to joints with py-opw-kinematics.
 
 Nothing here is drillc's. Joints are in degrees as the controller counts them, lengths in mm, frames
 as the arm's root has them: x forward, z up.
@@ -18,8 +18,8 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Arm:
-    """An arm as its maker draws it. `sign` and `zero_deg` lead from the controller's angles to those
-    that are zero with the arm stretched upwards: sign (q - zero)."""
+    """An arm as its maker draws it. `sign` and `zero_deg` lead from the controller's angles to
+    those that are zero with the arm stretched upwards: sign (q - zero)."""
 
     a1: float
     a2: float

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from walk.arm import Arm
 
 Array = np.ndarray
+Pair = tuple[int, fcl.CollisionObject, fcl.CollisionObject]
 
 #: Each link's capsule: which link, from which point to which, and its radius as a share.
 LINKS = (
@@ -78,7 +79,8 @@ def placement(text: str) -> Array:
     pose = np.eye(4)
     pose[:3, 3] = numbers(where[1])
     for axis, angle in re.findall(r"rotate\s+([xyz])\s+(\S+)\s+deg", where[2]):
-        pose[:3, :3] = pose[:3, :3] @ Rotation.from_euler(axis, float(angle), degrees=True).as_matrix()
+        turn = Rotation.from_euler(axis, float(angle), degrees=True)
+        pose[:3, :3] = pose[:3, :3] @ turn.as_matrix()
     return pose
 
 
@@ -143,6 +145,16 @@ def along(first: Array, second: Array) -> Array:
 
 
 @dataclass(frozen=True)
+class Mover:
+    """A body of the arm or of its tool, at poses (n, 4, 4) in part coordinates."""
+
+    name: str
+    shape: fcl.CollisionGeometry
+    ball_mm: float
+    poses: Array
+
+
+@dataclass(frozen=True)
 class Scene:
     """An arm with its tool before some fixtures. Fixtures are in part coordinates, `tool` (parts of
     its body) in the flange's; part_from_root (4, 4) is where the arm stands."""
@@ -152,57 +164,70 @@ class Scene:
     fixtures: dict[str, list[Solid]]
     tool: list[Solid]
 
-    def movers(self, joints: Array) -> Iterator[tuple[str, fcl.CollisionGeometry, float, Array]]:
-        """Each moving body: its name, shape, ball, and poses (n, 4, 4) in part coordinates."""
+    def links(self, joints: Array) -> list[Mover]:
+        """The arm's moving links at joints (n, 6)."""
         at = self.arm.points(joints)
         reach = self.arm.c2 + self.arm.c3
+        found = []
         for name, first, second, share in LINKS:
             length = float(np.linalg.norm(at[second][0] - at[first][0]))
-            radius = share * reach
-            capsule = fcl.Capsule(radius, length)
+            capsule = fcl.Capsule(share * reach, length)
             poses = self.part_from_root @ along(at[first], at[second])
-            yield name, capsule, length / 2 + radius, poses
-        flange = np.tile(np.eye(4), (len(joints), 1, 1))
-        flange[:, :3, :3], flange[:, :3, 3] = at["turn"], at["flange"]
-        for i, part in enumerate(self.tool):
-            yield f"tool {i}", part.shape, part.ball_mm, self.part_from_root @ flange @ part.pose
+            found.append(Mover(name, capsule, length / 2 + share * reach, poses))
+        return found
+
+    def tool_parts(self, part_from_flange: Array) -> list[Mover]:
+        """The tool's parts with the flange at poses (n, 4, 4)."""
+        return [
+            Mover(f"tool {i}", part.shape, part.ball_mm, part_from_flange @ part.pose)
+            for i, part in enumerate(self.tool)
+        ]
 
     def meetings(self, joints: Array) -> list[tuple[int, str, str]]:
-        """Which rows of joints (n, 6) have what meeting what. A pair is asked of fcl only where the
-        mover's ball reaches the box around the fixture."""
-        found = []
-        for name, shape, ball, poses in self.movers(joints):
-            mover = fcl.CollisionObject(shape, fcl.Transform())
-            for fixture, parts in self.fixtures.items():
-                for part in parts:
-                    centre = poses[:, :3, 3]
-                    gap = np.maximum(np.maximum(part.low - centre, centre - part.high), 0.0)
-                    standing = fcl.CollisionObject(part.shape, transform(part.pose))
-                    for row in np.flatnonzero(np.linalg.norm(gap, axis=1) <= ball).tolist():
-                        mover.setTransform(transform(poses[row]))
-                        if fcl.collide(mover, standing, fcl.CollisionRequest(), fcl.CollisionResult()):
-                            found.append((row, name, fixture))
-        return found
+        """Which rows of joints (n, 6) have what meeting what."""
+        at = self.arm.points(joints)
+        flange = np.tile(np.eye(4), (len(joints), 1, 1))
+        flange[:, :3, :3], flange[:, :3, 3] = at["turn"], at["flange"]
+        movers = self.links(joints) + self.tool_parts(self.part_from_root @ flange)
+        return [
+            (row, mover.name, fixture)
+            for mover in movers
+            for fixture in self.fixtures
+            for row, one, other in self.near(mover, fixture, 0.0)
+            if fcl.collide(one, other, fcl.CollisionRequest(), fcl.CollisionResult())
+        ]
+
+    def near(self, mover: Mover, fixture: str, reach_mm: float) -> Iterator[Pair]:
+        """The rows where the mover's ball, grown by `reach_mm`, reaches the box around a solid of
+        the fixture: only there can the two be so near. With both bodies, placed."""
+        one = fcl.CollisionObject(mover.shape, fcl.Transform())
+        centre = mover.poses[:, :3, 3]
+        for part in self.fixtures[fixture]:
+            other = fcl.CollisionObject(part.shape, transform(part.pose))
+            gap = np.maximum(np.maximum(part.low - centre, centre - part.high), 0.0)
+            close = np.linalg.norm(gap, axis=1) <= mover.ball_mm + reach_mm
+            for row in np.flatnonzero(close).tolist():
+                one.setTransform(transform(mover.poses[row]))
+                yield row, one, other
+
+    def keeps(self, mover: Mover, clearance_mm: dict[str, float]) -> bool:
+        """Whether a body keeps away from every fixture by that much, at all of its poses."""
+        return all(
+            fcl.distance(one, other, fcl.DistanceRequest(), fcl.DistanceResult()) >= least
+            for fixture, least in clearance_mm.items()
+            for _, one, other in self.near(mover, fixture, least)
+        )
+
+    def root_meets(self) -> bool:
+        """Whether the arm's standing column, half as high as its shoulder, meets a fixture."""
+        foot = np.zeros((1, 3))
+        top = np.array([[0.0, 0.0, 0.5 * self.arm.c1]])
+        radius = 0.12 * (self.arm.c2 + self.arm.c3)
+        shape = fcl.Capsule(radius, 0.5 * self.arm.c1)
+        poses = self.part_from_root @ along(foot, top)
+        column = Mover("root", shape, radius + 0.25 * self.arm.c1, poses)
+        return not self.keeps(column, dict.fromkeys(self.fixtures, 0.0))
 
 
 def transform(pose: Array) -> fcl.Transform:
     return fcl.Transform(pose[:3, :3], pose[:3, 3])
-
-
-def root_meets(scene: Scene) -> bool:
-    """Whether the arm's standing column, half as high as its shoulder, meets a fixture."""
-    foot = np.array([[0.0, 0.0, 0.0]])
-    top = np.array([[0.0, 0.0, 0.5 * scene.arm.c1]])
-    radius = 0.12 * (scene.arm.c2 + scene.arm.c3)
-    pose = (scene.part_from_root @ along(foot, top))[0]
-    column = fcl.CollisionObject(fcl.Capsule(radius, 0.5 * scene.arm.c1), transform(pose))
-    return any(
-        fcl.collide(
-            column,
-            fcl.CollisionObject(part.shape, transform(part.pose)),
-            fcl.CollisionRequest(),
-            fcl.CollisionResult(),
-        )
-        for parts in scene.fixtures.values()
-        for part in parts
-    )

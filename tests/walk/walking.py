@@ -1,4 +1,4 @@
-"""Walks the motions of an emitted program: every joint position that the arm passes, in small steps.
+"""Walks the motions of an emitted program: all joints that the arm passes, in small steps.
 
 What is emitted is text, read by `readers.krl`. A PTP to axes goes there in proportion; a PTP to a
 pose means the joints that its S and T say; a LIN is followed by inverse kinematics from where the
@@ -17,8 +17,8 @@ from walk.arm import Arm
 
 Array = np.ndarray
 
-#: How densely the ways are walked: no point of the tool's end goes farther between two steps, and no
-#: joint turns by more.
+#: How densely the ways are walked: neither elbow, wrist, flange nor the tool's point go farther
+#: between two steps, and in a move by joints no joint turns by more.
 STEP_MM, STEP_DEG = 1.0, 0.5
 #: Between two steps of a straight line no joint may leap.
 LEAP_DEG = 5.0
@@ -43,22 +43,26 @@ class Walk:
         return np.array([part[-1] for part in self.joints])
 
 
-def walk(arm: Arm, events: Iterable[Event], root_from_part: Array, flange_from_tool: Array) -> Walk:
-    """Follow every move of a program. It begins at the first move's target, which must be axes."""
+def walk(
+    arm: Arm,
+    events: Iterable[Event],
+    root_from_part: Array,
+    flange_from_tool: Array,
+    home: Array,
+) -> Walk:
+    """Follow every move of a program, from home (6,)."""
     found = Walk()
-    now: Array | None = None
+    now = home
     tool_from_flange = np.linalg.inv(flange_from_tool)
     for event in events:
         if not isinstance(event, Move):
             continue
         if event.joints is not None:
             target = np.array([event.joints[f"A{i}"] for i in range(1, 7)])
-            way = target[None] if now is None else by_joints(arm, now, target, flange_from_tool)
+            way = by_joints(arm, now, target, flange_from_tool)
         elif event.pose is None:
             raise WalkError("$H_POS: only the controller knows where that is")
         else:
-            if now is None:
-                raise WalkError("the first move is to a pose: nobody knows from where")
             flange = root_from_part @ event.pose @ tool_from_flange
             if event.straight:
                 way = straight(arm, now, flange, flange_from_tool)
@@ -97,7 +101,8 @@ def straight(arm: Arm, start: Array, flange: Array, flange_from_tool: Array) -> 
     there = flange @ flange_from_tool
     turn = Rotation.from_matrix(here[:3, :3].T @ there[:3, :3]).as_rotvec()
     length = float(np.linalg.norm(there[:3, 3] - here[:3, 3]))
-    steps = max(1, int(np.ceil(length / STEP_MM)), int(np.ceil(np.degrees(np.linalg.norm(turn)) / STEP_DEG)))
+    turned = float(np.degrees(np.linalg.norm(turn)))
+    steps = max(1, int(np.ceil(length / STEP_MM)), int(np.ceil(turned / STEP_DEG)))
     share = np.linspace(0.0, 1.0, steps + 1)[1:, None]
     poses = np.tile(np.eye(4), (steps, 1, 1))
     poses[:, :3, 3] = here[:3, 3] + (there[:3, 3] - here[:3, 3]) * share
@@ -122,8 +127,8 @@ def said(arm: Arm, flange: Array, status_and_turn: tuple[int, ...]) -> Array:
     for joints in arm.branches(flange[None])[0]:
         if np.isnan(joints).any():
             continue
-        for turns in np.stack(np.meshgrid(*[[-360.0, 0.0, 360.0]] * 2), axis=-1).reshape(-1, 2):
-            whole = joints + [0, 0, 0, turns[0], 0, turns[1]]
+        for turns in np.stack(np.meshgrid(*[[-360.0, 0.0, 360.0]] * 3), axis=-1).reshape(-1, 3):
+            whole = joints + np.array([turns[0], 0, 0, turns[1], 0, turns[2]])
             inside = (whole >= arm.low - 1e-6).all() and (whole <= arm.high + 1e-6).all()
             if inside and arm.status_and_turn(whole) == status_and_turn:
                 found.append(whole)

@@ -38,7 +38,7 @@ def convex_cover(mesh: Mesh, most: int = MOST_PIECES) -> tuple[RoundedHull, ...]
 
     What a closed piece encloses is contained too, its cavities filled; of an open piece, its
     surface. A piece's hull may stand out from the true one by 0.5 % of its size; a round one, which
-    128 points describe less well, by up to 2 %.
+    128 points describe less well, by up to 3 %.
     """
     cells = _first_cells(mesh, most)
     enough = WORTH * sum(cell.volume for cell in cells)

@@ -64,11 +64,14 @@ class Obstacles:
             return self.field.side_of(points_mm)
         return np.full(len(points_mm), UNSURE, dtype=np.int8)
 
-    def clear(self, probe: Probe, rotation: Floats, position_mm: Floats) -> Bools:
+    def clear(
+        self, probe: Probe, rotation: Floats, position_mm: Floats, *, exact: bool = True
+    ) -> Bools:
         """In which poses (n,) the probe and the solids certainly have no point in common.
 
         `rotation` (n, 3, 3) and `position_mm` (n, 3) are part_from_body. Never wrongly True.
-        False where they are nearer than 0.002 mm; and in a pose that is not a number.
+        False where they are nearer than 0.002 mm; and in a pose that is not a number. Without
+        `exact` also where only the polyhedra around them meet: quicker.
         """
         finite = np.isfinite(rotation).all(axis=2) & np.isfinite(position_mm)
         result = np.asarray(finite.all(axis=1))
@@ -80,7 +83,7 @@ class Obstacles:
         apart = np.zeros(len(rows), dtype=np.bool_)
         decided = np.zeros(len(rows), dtype=np.bool_)
         for i, row in enumerate(rows):
-            apart[i], decided[i] = self._apart(probe, rotation[row], position_mm[row])
+            apart[i], decided[i] = self._apart(probe, rotation[row], position_mm[row], exact)
         result[rows] = apart
         rows = rows[apart & ~decided]
         result[rows] = ~self._nested(probe, rotation[rows], position_mm[rows])
@@ -136,11 +139,15 @@ class Obstacles:
         inside = [each.inside for each in self._standing if each.inside is not None]
         return Body(joined(inside)) if inside else None
 
-    def _apart(self, probe: Probe, rotation: Floats, position_mm: Floats) -> tuple[bool, bool]:
+    def _apart(
+        self, probe: Probe, rotation: Floats, position_mm: Floats, exact: bool
+    ) -> tuple[bool, bool]:
         """Whether surfaces are apart in one pose, and whether that is all there is to say."""
         probe.outer_body.move(rotation, position_mm)
         if not probe.outer_body.meets(self._outer_body):
             return True, False
+        if not exact:
+            return False, True
         if probe.inner_body is not None and self._inner_body is not None:
             probe.inner_body.move(rotation, position_mm)
             if probe.inner_body.meets(self._inner_body):

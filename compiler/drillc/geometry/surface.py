@@ -193,7 +193,7 @@ def _normals(mesh: Mesh, face: Ints, point: Floats) -> Floats:
     weight = np.clip(np.where(np.isnan(weight), 1.0 / 3.0, weight), 0.0, 1.0)
     normal = np.einsum("nk,nkx->nx", weight, at_corner)
     size = np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.where(size > 1e-9, normal / np.maximum(size, 1e-9), facet[face])
+    return np.asarray(np.where(size > 1e-9, normal / np.maximum(size, 1e-9), facet[face]))
 
 
 def _corner_normals(mesh: Mesh, corner: Floats, facet: Floats, used: Ints) -> Floats:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .narrow_rungs import WIDEST, narrow_arrivals, narrow_predecessors
-from .rungs import Floats, Ints, Rungs, on_grid, step_cost
-from .wide_rungs import wide_arrivals
+from .rungs import Floats, Ints, Rungs, on_grid
+from .wide_rungs import wide_arrivals, wide_predecessor
 
 # Steps of narrow rungs that are worked on at once: 16 MB at the greatest width.
 _STEPS_AT_ONCE = 1 << 15
@@ -159,15 +159,6 @@ def _backward(rungs: Rungs, reach: Floats, end: int) -> NDArray[np.intp]:
             if narrow:
                 j = came_from[k - first][j]
             else:
-                j = _predecessor(rungs, k, int(index[k + 1]), reach)
+                j = wide_predecessor(rungs, k, int(index[k + 1]), reach)
             index[k] = start[k] + j
     return index
-
-
-def _predecessor(rungs: Rungs, k: int, after: int, reach: Floats) -> int:
-    """The first candidate of rung k, by its place, over which `after` is reached at its cost."""
-    before = np.arange(rungs.start[k], rungs.start[k + 1])
-    cost = step_cost(
-        rungs, before, np.array(after), float(rungs.jump_rad[k]), float(rungs.jump_limit_rad[k])
-    )
-    return int(np.argmax(reach[before] + cost + rungs.node[after] == reach[after]))

@@ -27,12 +27,11 @@ def narrow_arrivals(rungs: Rungs, first: int, stop: int, reach: Floats) -> None:
     length = -(-(stop - first) // blocks)
     # The steps in the order in which they are walked: step t of every block, then t + 1.
     order = (first + np.arange(length)[:, None] + length * np.arange(blocks)).ravel()
-    beyond = order >= stop  # only in the last block
+    beyond = order >= stop  # only at the end of the last block, where nothing follows
     steps = np.minimum(order, stop - 1)
     _, after, cost = _steps(rungs, steps)
     width = len(cost)
     idle = np.where(np.eye(width, dtype=np.bool_), 0.0, inf)[:, :, None]
-    cost[:, :, beyond] = idle
     cost = cost.reshape(width, width, length, blocks)
 
     through = np.repeat(idle, blocks, axis=2)  # entry, place so far, block

@@ -50,6 +50,23 @@ def wide_arrivals(rungs: Rungs, k: int, reach: Floats) -> None:
         reach[b + order] = _inside_windows(step) + rungs.node[b + order]
 
 
+def wide_predecessor(rungs: Rungs, k: int, after: int, reach: Floats) -> int:
+    """The first candidate of rung k, by its place, over which `after` is reached at its cost."""
+    before = slice(rungs.start[k], rungs.start[k + 1])
+    leg = np.abs(rungs.travel[before] - rungs.travel[after])
+    cost = leg @ np.ones(leg.shape[1])
+    if rungs.group_cost:
+        cost += rungs.group_cost * (rungs.group[before] != rungs.group[after])
+    forbid_jumps(
+        cost,
+        rungs.heading_rad[before],
+        rungs.heading_rad[after],
+        float(rungs.jump_rad[k]),
+        float(rungs.jump_limit_rad[k]),
+    )
+    return int(np.argmax(reach[before] + cost + rungs.node[after] == reach[after]))
+
+
 @dataclass(frozen=True, eq=False)
 class _Side:
     """Candidates (p,) of one rung: travel (p, 6); value (p,), the cost of having come here."""
@@ -103,22 +120,23 @@ def _inside_windows(step: _Step) -> Floats:
     to_rad = source.heading_rad - step.jump_rad + to_rad[needed]
     # Intervals may pass ±pi, so the targets are laid out three times around.
     around = (target.heading_rad + 2.0 * pi * np.arange(-1, 2)[:, None]).ravel()
+    target_around = np.tile(np.arange(size), 4)
     first = np.searchsorted(around, from_rad)
     count = np.minimum(np.searchsorted(around, to_rad, side="right") - first, size)
     total = int(count.sum())
     least = np.full(size, inf)
     if total <= _LISTED:
         i = np.repeat(np.arange(len(count)), count)
-        j = (np.arange(total) + np.repeat(first - np.cumsum(count) + count, count)) % size
+        j = np.arange(total) + np.repeat(first - np.cumsum(count) + count, count)
+        j = target_around.take(j)
         leg = source.travel.take(i, axis=0)
         leg -= target.travel.take(j, axis=0)
         cost = np.abs(leg, out=leg) @ np.ones(leg.shape[1])
-        cost += source.value[i]
+        cost += source.value.take(i)
         if step.group_cost:
             cost += step.group_cost * (source.group[i] != target.group[j])
-        forbid_jumps(
-            cost, source.heading_rad[i], target.heading_rad[j], step.jump_rad, step.limit_rad
-        )
+        before_rad, after_rad = source.heading_rad.take(i), target.heading_rad.take(j)
+        forbid_jumps(cost, before_rad, after_rad, step.jump_rad, step.limit_rad)
         np.minimum.at(least, j, cost)
         return least
     for begin in range(0, size, _ROWS_AT_ONCE):
@@ -126,8 +144,9 @@ def _inside_windows(step: _Step) -> Floats:
         some = target.take(rows)
         low_rad, high_rad = some.heading_rad[[0, -1]].tolist()
         apart = wrapped(0.5 * (from_rad + to_rad) - 0.5 * (low_rad + high_rad))
-        near = np.abs(apart) <= 0.5 * (to_rad - from_rad) + 0.5 * (high_rad - low_rad) + _SLACK_RAD
-        least[rows] = _over_all(replace(step, source=source.take(np.flatnonzero(near)), target=some))
+        half_rad = 0.5 * (to_rad - from_rad) + 0.5 * (high_rad - low_rad)
+        near = source.take(np.flatnonzero(np.abs(apart) <= half_rad + _SLACK_RAD))
+        least[rows] = _over_all(replace(step, source=near, target=some))
     return least
 
 

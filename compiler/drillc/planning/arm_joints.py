@@ -74,7 +74,7 @@ def solve_arm(
     check_frames(job, arm, report)
     if arm.home_rad is None:
         report.warn(
-            "W410",
+            "W417",
             f"robot {arm.name.text} has no home, so nobody checks its way to the first hole, nor "
             "from the last one",
             arm.name.span,
@@ -239,7 +239,8 @@ def _report_jump(job: Job, rows: Rows, blocked: int, least_rad: float, report: R
     report.error(
         "E411",
         f"hole {holes.ids[row]} cannot be reached from hole {holes.ids[before]} without turning "
-        f"the tool about its axis by more than {allowed:g} deg{asked}, whichever headings are taken",
+        f"the tool about its axis by more than {allowed:g} deg{asked}, whichever headings are "
+        "taken",
         holes.span(row),
         labels=[Label(holes.span(before), "from here")],
         hint=f"allow more: heading_jump max {more}; or give the holes more freedom: turning within "
@@ -255,17 +256,17 @@ def _report_ways(
     def said(hole: int) -> str:
         return "home" if hole < 0 else f"hole {holes.ids[rows[hole]]}"
 
-    by_home, or_home = " or by way of home", "choose another home"
+    by_home, or_home = " nor going by way of home", "choose another home"
     if cell.arm.home_rad is None:
-        by_home, or_home = "", "give the arm a home, by way of which it may go"
+        by_home, or_home = "", "give the arm a home to go by"
     for lost in blocked[:NAMED_ROWS]:
         leaves, reaches = int(legs.leaves[lost.leg]), int(legs.reaches[lost.leg])
         at = int(rows[reaches if reaches >= 0 else leaves])
         report.error(
             "E412",
             f"there is no clear way from {said(leaves)} to {said(reaches)}: on the plain one, "
-            f"{said_verdict(cell, lost.verdict)}; withdrawing up to {LIFTS_MM[-1]:g} mm farther, "
-            f"going by joints{by_home} does not help either",
+            f"{said_verdict(cell, lost.verdict)}; neither withdrawing up to {LIFTS_MM[-1]:g} mm "
+            f"farther nor going by joints{by_home} helps",
             holes.span(at),
             hint=f"order the holes otherwise, move the fixture, or {or_home}",
         )

@@ -187,10 +187,15 @@ def _assess(
     mover = np.full(cause.shape, -1, dtype=np.int32)
     at, branch = np.nonzero(cause == FINE)
     if len(at):
-        hits = _link_hits(cell, cycles, row[at], heading_rad[at], branch, path[at, :, branch])
-        hit = hits[0] >= 0
-        cause[at[hit], branch[hit]] = HIT + hits[0][hit]
-        mover[at[hit], branch[hit]] = hits[1][hit]
+        once, again = _looking_different(cell, at, branch)
+        some, which = at[once], branch[once]
+        guard, link = _link_hits(
+            cell, cycles, row[some], heading_rad[some], which, path[some, :, which]
+        )
+        guard, link = guard[again], link[again]
+        hit = guard >= 0
+        cause[at[hit], branch[hit]] = HIT + guard[hit]
+        mover[at[hit], branch[hit]] = link[hit]
         at, branch = at[~hit], branch[~hit]
     which, turn, margin = _windings(cell, low[at, branch], high[at, branch])
     surface, standoff, leave = (places[at[which], i, branch[which]] + turn for i in range(3))
@@ -238,6 +243,16 @@ def _overstep(cell: Cell, low: Floats, high: Floats) -> tuple[Floats, Ints]:
         best = np.fmin(best, over)
     joint = np.argmax(best, axis=2)
     return np.take_along_axis(best, joint[..., None], axis=2)[..., 0], joint.astype(np.int32)
+
+
+def _looking_different(
+    cell: Cell, at: NDArray[np.int64], branch: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Which of the pairs to look at, and which of these stands for each: turning the wrist over
+    turns capsules about their own axes only."""
+    turned = branch % 4 if all(link is None for link in cell.arm.links) else branch
+    _, once, again = np.unique(at * 8 + turned, return_index=True, return_inverse=True)
+    return once, again
 
 
 def _link_hits(

@@ -159,15 +159,17 @@ def _arm(
     if (cause >= HIT).any():
         branch = int(np.argmax(cause >= HIT))
         return _link(cell, cycles, row, heading_rad, branch, int(found.mover[at, branch]))
-    if (cause == LIMIT).any():
-        over = np.where(cause == LIMIT, found.over_rad[at], np.inf)
-        branch = int(np.argmin(over))
+    lacking_rad = np.full(len(cause), np.inf)
+    limit, singular = cause == LIMIT, cause == SINGULAR
+    lacking_rad[limit] = found.over_rad[at][limit]
+    lacking_rad[singular] = cell.singular_rad - found.bend_rad[at][singular]
+    branch = int(np.argmin(lacking_rad))
+    if limit[branch]:
         joint = JOINT_NAMES[int(found.joint[at, branch])]
-        said = f"{joint} oversteps its limits by {math.degrees(over[branch]):.1f} deg"
+        said = f"{joint} oversteps its limits by {math.degrees(lacking_rad[branch]):.1f} deg"
         return Blockage("limit", said, said, f"overstep {joint}'s limits")
-    if (cause == SINGULAR).any():
-        bend = np.where(cause == SINGULAR, found.bend_rad[at], -np.inf).max()
-        bent = f"{math.degrees(bend):.1f} deg only"
+    if singular[branch]:
+        bent = f"{math.degrees(found.bend_rad[at, branch]):.1f} deg only"
         return Blockage(
             "singularity",
             f"the wrist is bent by {bent}",

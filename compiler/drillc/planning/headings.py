@@ -20,6 +20,8 @@ from drillc.planning.tool_sweeps import ToolSweeps
 
 #: Intervals of headings are halved until they are this narrow: how exactly a turn is the smallest.
 FINEST_RAD = np.radians(0.1)
+#: How exactly the turn is the smallest where it is the arm, not the tool, that asks for it.
+ARM_FINEST_RAD = np.radians(0.5)
 #: Headings within a free stretch stand this far apart.
 GRID_RAD = np.radians(5.0)
 #: Beyond the nearest free heading on a side, so much more of that side is searched.
@@ -51,10 +53,11 @@ def turned(
     rows: Rows,
     turning_rad: Floats,
     *,
-    enough: int = 2,
+    enough: int = 1,
 ) -> Candidates:
     """Candidates of holes `rows` at other headings, at most `turning_rad` (k,) away: the nearest
-    that works on either side, exact to `FINEST_RAD`, and up to `enough` of a grid behind it."""
+    that works on either side, and up to `enough` of a grid behind it. What is nearest is exact to
+    `FINEST_RAD` where the tool decides, to `ARM_FINEST_RAD` where the arm does."""
     free = _free_stretches(sweeps, rows, turning_rad)
     if not len(free.row):
         return assess(cell, cycles, np.empty(0, np.int64), np.empty(0)).candidates
@@ -188,13 +191,16 @@ def _nearest(
     new[1:] = (row[good[1:]] != row[good[:-1]]) | (side[good[1:]] != side[good[:-1]])
     first = good[new]
     best = away[first].copy()
-    # Between it and the heading before, in the same free stretch, where the arm does not follow.
+    # Only the nearer of a hole's two sides is worth the search. It goes between the heading and the
+    # one before it in the same free stretch, at which the arm does not follow.
     before = np.maximum(first - 1, 0)
     stretch = _stretch_low(free, row[first], side[first], away[first])
     same = (first > 0) & (row[before] == row[first]) & (side[before] == side[first])
     worst = np.where(same & (away[before] >= stretch), away[before], np.nan)
-    open_ = np.flatnonzero(~np.isnan(worst))
-    while len(open_) and (best[open_] - worst[open_]).max() > FINEST_RAD:
+    least = np.full(int(row.max()) + 1, np.inf)
+    np.minimum.at(least, row[first], best)
+    open_ = np.flatnonzero(~np.isnan(worst) & (worst < least[row[first]]))
+    while len(open_) and (best[open_] - worst[open_]).max() > ARM_FINEST_RAD:
         middle = 0.5 * (best[open_] + worst[open_])
         at = first[open_]
         found = assess(cell, cycles, row[at], side[at] * middle, works[at])

@@ -20,10 +20,12 @@ from drillc.planning.tool_sweeps import ToolSweeps, make_tool_sweeps
 #: How far the base is moved, at the most, and the ways: along the part's axes and between them.
 _BASE_MOVES_MM = (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0)
 _WAYS = [np.array(way, dtype=float) for way in product((-1, 0, 1), repeat=3) if any(way)]
-#: What the search for headings may take beyond the exact figure.
-_MORE_DEG = (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+#: What the search for headings may take beyond the figures found at single headings.
+_MORE_DEG = (0.0, 0.5, 1.0, 2.0, 5.0)
+_LESS_MM = (0.0, 1.0, 2.0)
 #: Moves of the base that are tried on every hole made from there.
-_TRIALS = 6
+_TRIALS = 3
+#: Headings at which a smaller clearance, or another place, is tried first.
 _HEADINGS_RAD = math.radians(15.0)
 
 
@@ -55,13 +57,14 @@ def ways_of(
 def _wider(
     cell: Cell, cycles: Cycles, sweeps: ToolSweeps, row: int, turning_rad: float
 ) -> str | None:
-    """The least turning that serves, to a tenth of a degree."""
+    """The least turning that serves, to a degree."""
     if turning_rad >= math.pi:
         return None
     found = ways_of(cell, cycles, sweeps, row, math.pi)
     if not len(found):
         return None
-    least = math.ceil(math.degrees(np.abs(found.heading_rad).min()) * 10) / 10
+    # A little more than the exact figure: the search needs room to prove that a heading is free.
+    least = math.ceil(2 * math.degrees(np.abs(found.heading_rad).min()) + 0.5) / 2
     for more in _MORE_DEG:
         wider = min(least + more, 180.0)
         if len(ways_of(cell, cycles, sweeps, row, math.radians(wider))):
@@ -92,12 +95,14 @@ def _greatest_kept(
 ) -> float | None:
     """The greatest clearance from one guard that lets the hole be made, by halving."""
     region = int(cycles.region[row])
+    headings_rad = _headings(turning_rad)
+    rows = np.full(len(headings_rad), row)
 
     def works(kept_mm: float) -> bool:
         smaller = _keeping(cell, which, region, kept_mm)
-        return bool(
-            len(ways_of(smaller, cycles, make_tool_sweeps(smaller, cycles), row, turning_rad))
-        )
+        clear = make_tool_sweeps(smaller, cycles).clear(rows, headings_rad)
+        found = assess(smaller, cycles, rows[clear], headings_rad[clear])
+        return bool((found.cause == FINE).any())
 
     low, high = LEAST_GAP_MM, float(cell.guards[which].clearance_mm[region])
     if not works(low):
@@ -105,7 +110,17 @@ def _greatest_kept(
     while high - low > 1.0:
         middle = float(math.floor(0.5 * (low + high))) if high - low > 2.0 else low + 1.0
         low, high = (middle, high) if works(middle) else (low, middle)
-    return low
+    for kept_mm in np.unique([max(LEAST_GAP_MM, low - less) for less in _LESS_MM])[::-1].tolist():
+        smaller = _keeping(cell, which, region, kept_mm)
+        if len(ways_of(smaller, cycles, make_tool_sweeps(smaller, cycles), row, turning_rad)):
+            return float(kept_mm)
+    return None
+
+
+def _headings(turning_rad: float) -> Floats:
+    """Some headings within the turning, its ends among them."""
+    away = np.minimum(np.arange(0.0, turning_rad + _HEADINGS_RAD, _HEADINGS_RAD), turning_rad)
+    return np.unique([*away, *-away])
 
 
 def _keeping(cell: Cell, which: int, region: int, kept_mm: float) -> Cell:
@@ -152,8 +167,7 @@ def _moves(
 ) -> list[Floats]:
     """Moves of the base (3,), shortest first, from which the arm reaches the hole at some heading
     that keeps the tool clear; what is in the arm's own way is not looked at."""
-    headings = np.arange(0.0, turning_rad + 1e-9, _HEADINGS_RAD)
-    headings = np.unique(np.concatenate([headings, -headings]))
+    headings = _headings(turning_rad)
     headings = headings[sweeps.clear(np.full(len(headings), row), headings)]
     moves_mm = np.array(
         [np.round(way / np.linalg.norm(way) * far) for far in _BASE_MOVES_MM for way in _WAYS]
@@ -165,10 +179,16 @@ def _moves(
 
 
 def _all_solve(cell: Cell, cycles: Cycles, sweeps: ToolSweeps, turning_rad: Floats) -> bool:
-    """Whether every hole has some way to be made."""
-    rows = np.arange(len(cycles))
-    rest = np.setdiff1d(rows, preferred(cell, cycles, sweeps, rows).row)
-    if not (turning_rad[rest] > 0).all():
-        return False
-    found = turned(cell, cycles, sweeps, rest, turning_rad[rest]) if len(rest) else None
-    return found is None or len(np.unique(found.row)) == len(rest)
+    """Whether every hole has some way to be made; a few are tried first, since one settles it."""
+    start, size = 0, 32
+    while start < len(cycles):
+        rows = np.arange(start, min(start + size, len(cycles)))
+        rest = np.setdiff1d(rows, preferred(cell, cycles, sweeps, rows).row)
+        if not (turning_rad[rest] > 0).all():
+            return False
+        if len(rest):
+            found = turned(cell, cycles, sweeps, rest, turning_rad[rest])
+            if len(np.unique(found.row)) < len(rest):
+                return False
+        start, size = start + size, 4 * size
+    return True

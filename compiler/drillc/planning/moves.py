@@ -197,7 +197,7 @@ def _judge(
     count = len(moves)
     cause = np.zeros(len(row), dtype=np.int32)
     detail = np.zeros(len(row), dtype=np.int32)
-    lost: Bools = np.isnan(joints).any(axis=1)
+    lost = np.asarray(np.isnan(joints).any(axis=1))
     over = np.maximum(cell.low_rad - joints, joints - cell.high_rad)
     worst = np.nanmax(np.where(lost[:, None], -np.inf, over), axis=1, initial=-np.inf)
     outside = np.asarray(worst > SLACK_RAD)
@@ -216,8 +216,8 @@ def _judge(
         (lost, REACH),
     ):
         cause[bad] = why
-    detail[outside] = np.where(lost[:, None], -np.inf, over).argmax(axis=1)[outside]
     detail[jumps] = np.abs(np.nan_to_num(step)).argmax(axis=1)[jumps]
+    detail[outside] = np.where(lost[:, None], -np.inf, over).argmax(axis=1)[outside]
     # The first bad sample of each move speaks for it.
     bad_at = np.where(cause > 0, np.arange(len(row)), len(row))
     worst_at = np.minimum.reduceat(bad_at, first[:-1]) if count else np.empty(0, dtype=np.int64)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from drillc.kernels.covering import best_cover
 from drillc.language.arm import MAX_AUTO_STATIONS, MAX_BASE_PLACES
-from drillc.language.diagnostics import NAMED_ROWS, Report
+from drillc.language.diagnostics import NAMED_ROWS, Label, Report
 from drillc.language.job import Arm, AutoBase, Floats, Ints, Job, Named, Pose, Station
 from drillc.planning.arm_joints import check_frames, find_candidates, jump_limits
 from drillc.planning.arm_travel import make_legs, plan_travel
@@ -40,6 +40,8 @@ COARSE_RAD, FINE_RAD = np.radians(15.0), np.radians(1.0)
 MOST_PROOFS = 64
 #: Pairs of a place and a heading that are worked on at once.
 _BLOCK = 1 << 14
+#: Larger searches are not made only to find out whether they would help.
+_MOST_TRIED = 500_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +102,10 @@ def park(
     turning_rad = np.array([region.turning_rad for region in job.regions])[cycles.region]
     ways = _find_ways(sweeps, turning_rad)
     search = _Search(job, cell, cycles, sweeps, turning_rad, ways, progress)
+    blocked = np.setdiff1d(np.arange(len(cycles)), ways.row)
+    if len(blocked):
+        _report_blocked(search, auto, blocked, report)
+        report.stop_if_failed()
     places = _judge(search, auto)
     found = _choose(search, places, auto.most)
     if found is None:
@@ -285,36 +291,61 @@ def _plain(at_mm: Floats) -> str:
 
 
 def _report(search: _Search, auto: AutoBase, places: _Places, report: Report) -> None:
-    job, count = search.job, len(search.cycles)
+    """No place serves: what is in the way at the best of them, and what would be enough."""
+    count = len(search.cycles)
+    holes = f"all {count:,} holes" if count > 1 else "the hole"
     stations = "one station" if auto.most == 1 else f"{auto.most} stations"
-    best = int(np.argmin(places.failing))
-    failing = int(places.failing[best])
     tried = f"the {len(places.at_mm):,} places" if len(places.at_mm) > 1 else "the one place"
-    message = f"the arm cannot make all {count:,} holes from {stations} at {tried} tried"
-    if failing > count:
-        message += "; it cannot stand, or wait at its home, at any of them: fixtures are in the way"
-    elif failing:
-        margin = margins(search.cell, search.cycles, search.ways, places.at_mm[best : best + 1])
-        rows = np.flatnonzero(np.isneginf(margin[0]))
-        cell = moved(search.cell, places.at_mm[best])
-        sweeps = replace(search.sweeps, cell=cell)
-        why = explain(cell, search.cycles, sweeps, int(rows[0]), search.turning_rad)
-        names = ", ".join(map(str, job.holes.ids[rows[:NAMED_ROWS]]))
-        more = ", …" if len(rows) > NAMED_ROWS else ""
-        message += (
-            f"; from the best of them, ({_plain(places.at_mm[best])}) mm, it cannot make "
-            f"{failing:,} ({names}{more}): hole {job.holes.ids[rows[0]]}: {why.summary}"
-        )
-    else:
-        message += f"; from ({_plain(places.at_mm[best])}) mm it reaches them all, but is not clear"
     helps = _what_helps(search, auto)
     report.error(
         "E416",
-        message,
+        f"the arm cannot make {holes} from {stations} at {tried} tried; {_why(search, places)}",
         auto.span,
         hint="; or ".join(helps)
         or "give more: a larger area, a smaller step, more stations, or holes that may turn",
     )
+
+
+def _why(search: _Search, places: _Places) -> str:
+    """What is in the way at the place with the fewest holes that fail."""
+    best = int(np.argmin(places.failing))
+    at_mm = places.at_mm[best]
+    if places.failing[best] > len(search.cycles):
+        return "it cannot stand, or wait at its home, at any of them: fixtures are in the way"
+    cell = moved(search.cell, at_mm)
+    sweeps = replace(search.sweeps, cell=cell)
+    search.progress(f"looking for what is in the way at ({_plain(at_mm)}) mm")
+    found = find_candidates(cell, search.cycles, sweeps, search.turning_rad, lambda doing: None)
+    rows = np.setdiff1d(np.arange(len(search.cycles)), found.row)
+    if not len(rows):
+        return f"from ({_plain(at_mm)}) mm it could make each, but not go from one to the next"
+    names = _names(search.job, rows)
+    why = explain(cell, search.cycles, sweeps, int(rows[0]), search.turning_rad)
+    return (
+        f"from the best of them, ({_plain(at_mm)}) mm, it cannot make {len(rows):,} ({names}); for "
+        f"{search.job.holes.ids[rows[0]]}, {why.summary}"
+    )
+
+
+def _report_blocked(search: _Search, auto: AutoBase, rows: Rows, report: Report) -> None:
+    """Holes at which the tool meets something, however it is turned and wherever the arm stands."""
+    cell = moved(search.cell, auto.low_mm)
+    sweeps = replace(search.sweeps, cell=cell)
+    why = explain(cell, search.cycles, sweeps, int(rows[0]), search.turning_rad)
+    ids = search.job.holes.ids
+    report.error(
+        "E416",
+        f"wherever the arm is parked, it cannot make {len(rows):,} hole{'s' * (len(rows) > 1)} "
+        f"({_names(search.job, rows)}); for {ids[rows[0]]}, {why.summary}",
+        search.job.holes.span(int(rows[0])),
+        labels=[Label(auto.span, "a parking place is sought here")],
+        hint="let the holes turn farther, keep a smaller clearance, or move the fixture",
+    )
+
+
+def _names(job: Job, rows: Rows) -> str:
+    """The first of some holes."""
+    return ", ".join(map(str, job.holes.ids[rows[:NAMED_ROWS]])) + ", …" * (len(rows) > NAMED_ROWS)
 
 
 def _what_helps(search: _Search, auto: AutoBase) -> list[str]:
@@ -339,6 +370,6 @@ def _what_helps(search: _Search, auto: AutoBase) -> list[str]:
 
 def _enough(search: _Search, auto: AutoBase) -> bool:
     counts = np.floor((auto.high_mm - auto.low_mm) / auto.step_mm + 1e-9) + 1
-    if np.prod(counts) > MAX_BASE_PLACES:
+    if np.prod(counts) > min(MAX_BASE_PLACES, _MOST_TRIED / len(search.ways.row)):
         return False
     return _choose(search, _judge(search, auto), auto.most) is not None

@@ -71,14 +71,24 @@ def choose(
         choice = _best(cell, candidates, len(cycles), jump_rad, jump_limit_rad, weights)
         if choice.blocked is None:
             return Sequence(candidates.take(choice.index), choice.total, None)
-        around = np.arange(
-            max(0, choice.blocked - _AROUND), min(len(cycles), choice.blocked + _AROUND)
-        )
-        rows = around[(turning_rad[around] > 0) & ~searched[around]]
+        rows = _unsearched(choice.blocked, (turning_rad > 0) & ~searched)
         if not len(rows):
             return Sequence(candidates.take(choice.index), choice.total, choice.blocked)
         searched[rows] = True
         candidates = join([candidates, _all(cell, cycles, sweeps, rows, turning_rad)])
+
+
+def _unsearched(blocked: int, free: NDArray[np.bool_]) -> Rows:
+    """Holes that may still be searched (`free`, n) around the one that is blocked: those nearby,
+    or where there are none, those of the next wider stretch."""
+    around = _AROUND
+    while around < 2 * len(free):
+        first = max(0, blocked - around)
+        rows = first + np.flatnonzero(free[first : blocked + around])
+        if len(rows):
+            return rows
+        around *= 2
+    return np.empty(0, dtype=np.int64)
 
 
 def _all(

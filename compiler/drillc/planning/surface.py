@@ -57,7 +57,7 @@ def fit_to_surface(job: Job, report: Report) -> Job:
         ),
         report,
         hint=lambda row: (
-            "say which way the normals point: normals into, or normals outward"
+            f"if all of them do, say so: normals {'outward' if job.part.normals_into else 'into'}"
             if off_rad[row] > np.radians(170.0)
             else 'correct the normal; or allow more: surface "…" mm within … mm, … deg'
         ),
