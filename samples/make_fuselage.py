@@ -145,7 +145,7 @@ def _ply(vertices: Floats, faces: Ints) -> bytes:
 #: Contour boards: where they stand along the fuselage, how thick they are, how far from the skin
 #: their edges are, and the steps of their arcs.
 BOARDS_U_DEG = (-3.0, 3.0)
-BOARD_MM, BOARD_OFF_MM = 40.0, (12.0, 180.0)
+BOARD_MM, BOARD_OFF_MM = 40.0, (12.0, 140.0)
 BOARD_PHI_DEG, BOARD_STEPS = (-28.0, 28.0), 14
 
 

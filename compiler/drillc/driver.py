@@ -167,7 +167,7 @@ def compile_spec(
 
 def _emit(planned: Planned, emits: Sequence[Emit], report: Report) -> list[OutFile]:
     """The files of every post, rendered but not yet poured; raises `Refused` with all errors."""
-    from drillc.output.emission import emit_files
+    from drillc.output.emission import emit_programs
     from drillc.output.registry import find_posts
 
     chosen = find_posts([emit.post for emit in emits], report)
@@ -175,8 +175,7 @@ def _emit(planned: Planned, emits: Sequence[Emit], report: Report) -> list[OutFi
     files = [
         file
         for emit, post in zip(emits, chosen, strict=True)
-        for program in planned.programs
-        for file in emit_files(post, program, emit, report)
+        for file in emit_programs(post, planned.programs, emit, report)
     ]
     report.stop_if_failed()
     return files

@@ -20,7 +20,7 @@ from drillc.planning.cell import Cell, make_cells
 from drillc.planning.cycle_check import Cycles, make_cycles
 from drillc.planning.depths import plunge_depths
 from drillc.planning.explain import HeadingLine, explain, headings_within, judge
-from drillc.planning.mending import ways_of
+from drillc.planning.mending import headings_of
 from drillc.planning.parking import park
 from drillc.planning.postures import resolve_postures
 from drillc.planning.tool_sweeps import ToolSweeps, make_tool_sweeps
@@ -167,8 +167,7 @@ def _neighbours(
         if not 0 <= other < len(rows) or cycles.region[other] != cycles.region[at]:
             continue
         if solution is None:
-            ways = ways_of(sweeps.cell, cycles, sweeps, other, float(turning_rad[other]))
-            headings = np.unique(ways.heading_rad)
+            headings = headings_of(cycles, sweeps, other, float(turning_rad[other]))
         else:
             headings = solution.heading_rad[rows[other : other + 1]]
         if len(headings):

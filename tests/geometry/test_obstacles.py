@@ -260,3 +260,13 @@ def test_the_balls_of_a_probe_cover_it():
     for level in TOOL.levels:
         far = np.linalg.norm(body[:, None] - level.centre_mm, axis=2) - level.radius_mm
         assert (far.min(axis=1) <= 1e-9).all()
+
+
+@pytest.mark.parametrize("size_mm", [0.1, 0.5, 0.99, 1.0, 3.0, 50.0])
+def test_a_segment_through_a_solid_of_any_size_meets_it(size_mm):
+    """The polyhedron around a segment is a millimetre wide: it may hold the whole solid."""
+    world = Obstacles([box((0.0, 0.0, 0.0), (size_mm,) * 3)])
+    middle = 0.5 * size_mm
+    start = np.array([[[-1.0, middle, middle]], [[-1.0, middle, size_mm + 0.1]]])
+    end = np.array([[[2.0 + size_mm, middle, middle]], [[2.0 + size_mm, middle, size_mm + 0.1]]])
+    assert world.capsules_clear(start, end, np.zeros(1)).tolist() == [False, True]

@@ -256,3 +256,24 @@ def cycle_poses(cycles, row, heading_rad, step_mm=0.5):
     return matrix(np.broadcast_to(rotation, (len(position), 3, 3)), position)
 
 
+def tool_gap_mm(scene, cycles, row, heading_rad, step_mm=0.5):
+    """Over the whole cycle, how much more than its clearance the tool keeps: every half millimetre
+    where it may matter, of each guard, by fcl."""
+    poses = cycle_poses(cycles, row, heading_rad, step_mm)
+    region = cycles.region[row]
+    flange = poses @ np.linalg.inv(scene.flange_tool)
+    least = np.inf
+    for bodies, clearance in zip(scene.guards, scene.clearance, strict=True):
+        if not np.isfinite(clearance[region]):
+            continue
+        for part in scene.body:
+            shape, own = part.fcl
+            for body in bodies:
+                other, pose = body.fcl
+                coarse = [distance_mm(shape, f @ own, other, pose) for f in flange[::20]]
+                # Distance changes by at most as much as the tool moves.
+                for i in np.flatnonzero(np.array(coarse) < min(coarse) + 20 * step_mm + 0.1):
+                    for f in flange[max(0, 20 * i - 20) : 20 * i + 21]:
+                        gap = distance_mm(shape, f @ own, other, pose) - clearance[region]
+                        least = min(least, gap)
+    return least

@@ -128,6 +128,19 @@ def test_with_fixtures_the_best_that_compiles(tmp_path):
     assert GRID.index(tuple(place)) == best
 
 
+def test_holes_that_must_turn_and_may(tmp_path):
+    """With A6 within 30 deg of zero the rule's heading, which needs a half turn, cannot be held."""
+    narrow = "limits { A4 -90 deg .. 90 deg  A6 -30 deg .. 30 deg }"
+    rule = arm_spec(
+        region("r", POINTS).replace("toward +Y", "toward -Y"), base=OVER_GRID, arm=narrow
+    )
+    flipped = arm_spec(region("r", POINTS), base=OVER_GRID, arm=narrow)
+    assert [plan(tmp_path, text)[0] is None for text in (rule, flipped)].count(True) == 1
+    for text in (rule, flipped):
+        _, _, planned = stations(tmp_path, text.replace("points", "turning within 180 deg  points"))
+        assert planned.solution.margin.min() > 0
+
+
 # ── stations ─────────────────────────────────────────────────────────────────────────────────────
 
 APART = region("a", "P1 (0, -4000, 1200) normal (-1, 0, 0)") + region(

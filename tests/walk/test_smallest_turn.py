@@ -37,7 +37,7 @@ def by_the_rule(position, feed):
 
 
 def moved_jig(folder, box, within_deg):
-    """The nacelle with its jig elsewhere; P7 and P8 are no longer expected where the seed has them."""
+    """The nacelle with its jig elsewhere; the seed's headings are no longer expected."""
     shutil.copytree(SAMPLES / "cells", folder / "cells")
     text = (SAMPLES / "nacelle.drill").read_text("utf-8")
     for old, new in (

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bvh import Body
-from .capsules import Capsules, near_capsules
+from .capsules import STEP_MM, Capsules, near_capsules
 from .field import INSIDE, UNSURE, DistanceField, distance_field
+from .polyhedra import EXCESS
 from .probe import Probe
 from .shapes import Floats, Mesh, RoundedHull, joined
 from .solids import standing
@@ -233,7 +234,8 @@ class Obstacles:
         along = end_mm - start_mm
         share = (self._marks_mm - start_mm) @ along / max(float(along @ along), 1e-300)
         foot = start_mm + np.clip(share, 0.0, 1.0)[:, None] * along
-        if (np.linalg.norm(self._marks_mm - foot, axis=1) <= radius_mm).any():
+        marks_away_mm = np.linalg.norm(self._marks_mm - foot, axis=1).min(initial=np.inf)
+        if marks_away_mm <= radius_mm:
             return False
         ends = np.array([start_mm, end_mm])
         side = self._side(ends)
@@ -242,7 +244,9 @@ class Obstacles:
             return self._capsule_gap_mm(start_mm, end_mm, radius_mm) > TOUCHING_MM
         outside, inside = self._capsules.bodies(start_mm, end_mm, radius_mm)
         if not outside.meets(self._outer_body):
-            return True
+            # A small solid may be wholly inside the polyhedron around the capsule.
+            held = marks_away_mm <= (radius_mm + STEP_MM) * (1.0 + EXCESS) + STEP_MM
+            return not held or self._capsule_gap_mm(start_mm, end_mm, radius_mm) > TOUCHING_MM
         if inside is not None and self._inner_body is not None and inside.meets(self._inner_body):
             return False
         return self._capsule_gap_mm(start_mm, end_mm, radius_mm) > TOUCHING_MM

@@ -8,7 +8,7 @@ predecessor is the one that explains its cost, which takes arithmetic without ro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import fsum, inf
 
@@ -21,6 +21,10 @@ from .wide_rungs import wide_arrivals, wide_predecessor
 
 # Steps of narrow rungs that are worked on at once: 16 MB at the greatest width.
 _STEPS_AT_ONCE = 1 << 15
+
+
+#: Candidates a rung from which on a ladder is wide.
+_WIDE = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +72,22 @@ def best_ladder(ladder: Ladder) -> Choice:
     limit that is NaN, a cost that is NaN or -inf, and joints that are not finite where the cost is.
     """
     _check(ladder)
+    if len(ladder.cost) > _WIDE * len(ladder.start) and (ladder.jump_limit_rad < inf).any():
+        # The limits seldom bind, and without them a wide ladder takes half the time.
+        free = _best(replace(ladder, jump_limit_rad=np.full_like(ladder.jump_limit_rad, inf)))
+        if free.blocked is None and _obeys(ladder, free.index):
+            return free
+    return _best(ladder)
+
+
+def _obeys(ladder: Ladder, index: NDArray[np.intp]) -> bool:
+    """Whether a choice (n,) keeps all jump limits."""
+    jump = ladder.jump_rad + np.diff(ladder.heading_rad[index])
+    jump -= 2.0 * np.pi * np.rint(jump / (2.0 * np.pi))
+    return bool((np.abs(jump) <= ladder.jump_limit_rad).all())
+
+
+def _best(ladder: Ladder) -> Choice:
     allowed = np.flatnonzero(ladder.cost < inf)
     start = np.searchsorted(allowed, ladder.start)
     count = len(start) - 1

@@ -72,6 +72,8 @@ def solve_arm(
     station_of = np.array([region.station for region in job.regions])[job.holes.region]
     cells = make_cells(job, arm)
     check_frames(job, arm, report)
+    _check_standoffs(job, arm, report)
+    report.stop_if_failed()
     if arm.home_rad is None:
         report.warn(
             "W417",
@@ -191,6 +193,31 @@ def check_frames(job: Job, arm: Arm, report: Report) -> None:
             )
 
 
+def _check_standoffs(job: Job, arm: Arm, report: Report) -> None:
+    """A standoff beyond the arm's whole stretch is a slip of the unit, not a hole out of reach."""
+    geometry, tool = arm.model.geometry, job.tool
+    assert tool is not None
+    stretch_mm = (
+        geometry.a1_mm
+        + geometry.c2_mm
+        + geometry.forearm_mm
+        + geometry.c4_mm
+        + float(np.linalg.norm(tool.flange_from_tool.translation_mm))
+    )
+    for index in dict.fromkeys(region.process for region in job.regions):
+        process = job.processes[index]
+        away_mm = max(process.approach_mm, process.retract_mm)
+        if away_mm > stretch_mm:
+            report.error(
+                "E418",
+                f"process {process.name} withdraws {away_mm:g} mm from the surface, farther than "
+                f"{arm.model.title} with tool {tool.name.text} is long ({stretch_mm:.0f} mm)",
+                process.span,
+                labels=[Label(arm.name.span, "the arm")],
+                hint="check the units of approach and retract",
+            )
+
+
 # ── what cannot be done ──────────────────────────────────────────────────────────────────────────
 
 
@@ -233,7 +260,8 @@ def _report_jump(job: Job, rows: Rows, blocked: int, least_rad: float, report: R
     allowed, least = math.degrees(job.heading_jump_max_rad), math.degrees(least_rad)
     asked, more = "", "…"
     if least > allowed:
-        asked, more = f" (at least {least:.1f} deg)", f"{math.ceil(10 * least) / 10:g} deg"
+        asked = f" ({least:.1f} deg is the least found)"
+        more = f"{math.ceil(10 * least) / 10:g} deg"
     holes, row = job.holes, int(rows[blocked])
     before = int(rows[blocked - 1])
     report.error(

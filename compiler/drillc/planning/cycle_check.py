@@ -237,10 +237,12 @@ def _path(
 
 def _overstep(cell: Cell, low: Floats, high: Floats) -> tuple[Floats, Ints]:
     """By how much the joint that fits worst oversteps its limits, in its best winding."""
-    best = np.full(low.shape, np.inf)
-    for turn in (-2 * np.pi, 0.0, 2 * np.pi):
-        over = np.maximum(cell.low_rad - low - turn, high + turn - cell.high_rad)
-        best = np.fmin(best, over)
+    # The range that a joint goes through oversteps the least where its middle is nearest to the
+    # middle of the limits; how far apart these are decides which turn that is.
+    apart = 0.5 * (low + high) - 0.5 * (cell.low_rad + cell.high_rad)
+    apart -= 2 * np.pi * np.round(apart / (2 * np.pi))
+    spare = 0.5 * (cell.high_rad - cell.low_rad) - 0.5 * (high - low)
+    best = np.nan_to_num(np.abs(apart) - spare, nan=np.inf)
     joint = np.argmax(best, axis=2)
     return np.take_along_axis(best, joint[..., None], axis=2)[..., 0], joint.astype(np.int32)
 

@@ -12,7 +12,7 @@ from drillc.kernels.posture import heading_turn_rad
 from drillc.language.job import JOINT_NAMES, Floats
 from drillc.planning.cell import Cell, pick
 from drillc.planning.cycle_check import Assessment, Cycles, assess
-from drillc.planning.mending import find_mends, ways_of
+from drillc.planning.mending import find_mends, headings_of
 from drillc.planning.moves import FINE, HIT, JUMP, LIMIT, MISSED, REACH, SINGULAR, Verdict
 from drillc.planning.reach import lacking_mm, wrist_centres
 from drillc.planning.tool_sweeps import ToolSweeps
@@ -100,11 +100,10 @@ def judge(
 
 
 def least_turn_rad(cycles: Cycles, sweeps: ToolSweeps, row: int, turning_rad: Floats) -> float:
-    """The least turn of the tool about its axis from the hole before `row` to it, over all headings
+    """The least turn of the tool about its axis from the hole before `row` to it, over the headings
     at which both can be made."""
     before, after = (
-        ways_of(sweeps.cell, cycles, sweeps, at, float(turning_rad[at])).heading_rad
-        for at in (row - 1, row)
+        headings_of(cycles, sweeps, at, float(turning_rad[at])) for at in (row - 1, row)
     )
     turn = heading_turn_rad(cycles.rotation[row - 1 : row + 1]) + after - before[:, None]
     return float(np.abs((turn + np.pi) % (2 * np.pi) - np.pi).min())

@@ -23,6 +23,8 @@ _WAYS = [np.array(way, dtype=float) for way in product((-1, 0, 1), repeat=3) if 
 #: What the search for headings may take beyond the figures found at single headings.
 _MORE_DEG = (0.0, 0.5, 1.0, 2.0, 5.0)
 _LESS_MM = (0.0, 1.0, 2.0)
+#: More headings than a hole has.
+_ALL = 1000
 #: Moves of the base that are tried on every hole made from there.
 _TRIALS = 3
 #: Headings at which a smaller clearance, or another place, is tried first.
@@ -52,6 +54,16 @@ def ways_of(
     if len(first) or turning_rad == 0:
         return first
     return turned(cell, cycles, sweeps, rows, np.array([turning_rad]))
+
+
+def headings_of(cycles: Cycles, sweeps: ToolSweeps, row: int, turning_rad: float) -> Floats:
+    """All headings (k,) of one hole that a sequence can choose among."""
+    rows, cell = np.array([row]), sweeps.cell
+    found = [preferred(cell, cycles, sweeps, rows)]
+    if turning_rad > 0:
+        turning = np.array([turning_rad])
+        found.append(turned(cell, cycles, sweeps, rows, turning, enough=_ALL))
+    return np.unique(np.concatenate([each.heading_rad for each in found]))
 
 
 def _wider(
