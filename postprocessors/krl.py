@@ -16,9 +16,17 @@ from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
+from drillc.catalogue.model import JOINT_NAMES
 from drillc.kernels.rotations import kuka_abc_from_matrix
 from drillc.language.diagnostics import Label, Report
-from drillc.language.job import JOINT_NAMES, Floats, Ints, Pose, Signal, Texts, Tool
+from drillc.language.job import (
+    Floats,
+    Ints,
+    Pose,
+    Signal,
+    Texts,
+    Tool,
+)
 from drillc.language.source import Span
 from drillc.output.acceptance import ANY_MAKER
 from drillc.output.names import NameRules

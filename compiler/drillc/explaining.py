@@ -10,11 +10,16 @@ from typing import TextIO
 
 import numpy as np
 
+from drillc.catalogue.model import JOINT_NAMES
 from drillc.driver import Progress, quiet, read_job
 from drillc.kernels.posture import heading_turn_rad
 from drillc.language.diagnostics import Diagnostic, Report, as_json, printable
 from drillc.language.fields import did_you_mean
-from drillc.language.job import JOINT_NAMES, Arm, Floats, Job
+from drillc.language.job import (
+    Arm,
+    Floats,
+    Job,
+)
 from drillc.planning.arm_joints import ArmSolution, solve_arm
 from drillc.planning.cell import Cell, make_cells
 from drillc.planning.cycle_check import Cycles, make_cycles

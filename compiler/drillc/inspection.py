@@ -9,9 +9,12 @@ from typing import TextIO
 
 import numpy as np
 
+from drillc.catalogue.model import JOINT_NAMES
 from drillc.driver import Planned
 from drillc.kernels.rotations import quaternion_from_matrix
-from drillc.language.job import JOINT_NAMES, Floats
+from drillc.language.job import (
+    Floats,
+)
 from drillc.output.numbers import fixed
 from drillc.planning.arm_joints import ArmSolution
 

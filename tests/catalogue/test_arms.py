@@ -15,8 +15,11 @@ import numpy as np
 import pytest
 from drillc.catalogue import models, reach_mm
 from drillc.catalogue.arms import read_models
+from drillc.catalogue.model import ArmModel
 from drillc.kernels.arm import forward
-from drillc.language.job import ArmModel, Floats
+from drillc.language.job import (
+    Floats,
+)
 from scipy.spatial.transform import Rotation
 
 CHAINS: Mapping[str, Any] = tomllib.loads(

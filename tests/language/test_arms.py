@@ -10,7 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drillc.catalogue.arms import models
-from drillc.language.job import JOINT_NAMES, Arm, ExpectJoints, Job
+from drillc.catalogue.model import JOINT_NAMES
+from drillc.language.job import (
+    Arm,
+    ExpectJoints,
+    Job,
+)
 from language.texts import codes, resolved, spots
 
 PLACE = "base at (1500, 3000, 1500) mm rotate x 180 deg"

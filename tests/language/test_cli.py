@@ -27,6 +27,7 @@ WARNS = WARNS.replace("x toward", "x horizontal toward").replace(
 )
 POSE = ["id", "region", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]
 JOINTS = ["q1_mm", "q2_mm", "q3_deg", "q4_mm", "q5_mm", "q6_mm", "branch", "margin"]
+ARM_JOINTS = ["heading_deg", *(f"A{i}_deg" for i in range(1, 7)), "branch", "margin"]
 
 
 @pytest.fixture
@@ -233,7 +234,9 @@ def inspected(path: Path, form: str, capsys: pytest.CaptureFixture[str]) -> str:
     return capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("path", "header"), [(NACELLE, POSE), (PORTAL, POSE + JOINTS)])
+@pytest.mark.parametrize(
+    ("path", "header"), [(NACELLE, POSE + ARM_JOINTS), (PORTAL, POSE + JOINTS)]
+)
 def test_csv_columns(path: Path, header: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     out = inspected(path, "csv", capsys)
     assert out.splitlines()[0] == ",".join(header)

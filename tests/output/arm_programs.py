@@ -11,8 +11,16 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from drillc.catalogue.model import ArmModel
 from drillc.kernels.arm import ArmGeometry
-from drillc.language.job import Arm, ArmModel, Floats, Limit, Pose, Station, WorkFrame
+from drillc.language.job import (
+    Arm,
+    Floats,
+    Limit,
+    Pose,
+    Station,
+    WorkFrame,
+)
 from drillc.planning.program import ArmMotion, Cycle, Program, Vias
 from output.programs import hole_table, named, pose_program, some_ids, span
 from readers import arms

@@ -141,7 +141,9 @@ class Scene:
             tuple(part.drillc for part in self.body),
         )
         guards = tuple(
-            Guard(f"fixture f{i}", Obstacles([b.drillc for b in bodies]), np.array(clearance, float))
+            Guard(
+                f"fixture f{i}", Obstacles([b.drillc for b in bodies]), np.array(clearance, float)
+            )
             for i, (bodies, clearance) in enumerate(zip(self.guards, self.clearance, strict=True))
         )
         return make_cell(arm, station, tool, guards)
@@ -170,7 +172,9 @@ class Scene:
 
     def branches(self, part_from_tool):
         """All joints (n, 8, 6) for tool poses (n, 4, 4)."""
-        root_from_flange = np.linalg.inv(self.root) @ part_from_tool @ np.linalg.inv(self.flange_tool)
+        root_from_flange = (
+            np.linalg.inv(self.root) @ part_from_tool @ np.linalg.inv(self.flange_tool)
+        )
         return np.radians(KR210.branches(root_from_flange))
 
     def follow(self, start, part_from_tool):

@@ -36,8 +36,6 @@ def ways(scene, cycles, row, heading_rad):
     return found
 
 
-
-
 def by_hand(scene, cycles, row, heading_rad):
     """All that can be chosen at a heading: (joints at the surface, standoff, leave, margin, bend)."""
     found = []

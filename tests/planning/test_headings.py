@@ -184,9 +184,7 @@ def test_the_nearest_heading_at_which_the_arm_follows(place, lean):
     rotation = turn("zyx", *lean)
     cycles = cycles_of([place], rotation, approach=40.0, retract=40.0, depth=10.0)
     steps = np.arange(0, 181, 1.0)
-    works = [
-        h for s in (1, -1) for h in s * steps if follows(ANGLED, cycles, 0, np.radians(h))
-    ]
+    works = [h for s in (1, -1) for h in s * steps if follows(ANGLED, cycles, 0, np.radians(h))]
     found = search(ANGLED, cycles, 180)
     if not works:
         assert not len(found)

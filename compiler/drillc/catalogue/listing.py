@@ -7,7 +7,10 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from drillc.language.job import JOINT_NAMES, ArmModel, Floats
+from drillc.catalogue.model import JOINT_NAMES, ArmModel
+from drillc.language.job import (
+    Floats,
+)
 
 from .arms import DIMENSIONS, reach_mm
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from drillc.catalogue.model import JOINT_NAMES, ArmModel
 from drillc.geometry.shapes import RoundedHull
 from drillc.kernels.arm import ArmGeometry
 from drillc.language.arm_model import complete, resolve_model
@@ -27,9 +28,7 @@ from drillc.language.fields import (
     whole,
 )
 from drillc.language.job import (
-    JOINT_NAMES,
     Arm,
-    ArmModel,
     AutoBase,
     Floats,
     Limit,

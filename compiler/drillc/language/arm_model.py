@@ -7,11 +7,15 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from drillc.catalogue.model import JOINT_NAMES, ArmModel
 from drillc.kernels.arm import ArmGeometry
 from drillc.language.ast import Item, Word
 from drillc.language.diagnostics import Label, Report
 from drillc.language.fields import Fields, entries, lookup, measure, of_type
-from drillc.language.job import JOINT_NAMES, ArmModel, Floats, Limit
+from drillc.language.job import (
+    Floats,
+    Limit,
+)
 
 #: The arm's dimensions, as in the drawing of docs/language.md.
 DIMENSIONS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drillc.catalogue.model import JOINT_NAMES
 from drillc.kernels.rotations import matrix_from_euler, matrix_from_quaternion
 from drillc.language.ast import Item, Numbers, Quantity, Statement, Value, Word
 from drillc.language.diagnostics import Report
 from drillc.language.fields import did_you_mean, in_unit, lengths, measure, of_type, whole
 from drillc.language.job import (
-    JOINT_NAMES,
     PORTAL_JOINTS,
     ROTARY_JOINT,
     Arm,

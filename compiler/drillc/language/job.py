@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from drillc.catalogue.model import ArmModel
 from drillc.geometry.shapes import Mesh, RoundedHull
-from drillc.kernels.arm import ArmGeometry
 from drillc.language.source import Source, Span
 
 Floats = NDArray[np.float64]
@@ -140,26 +140,6 @@ class Portal:
     limits: tuple[Limit, ...]
     tilt_limit: Limit | None
     speeds: tuple[float | None, ...]
-
-
-JOINT_NAMES = ("A1", "A2", "A3", "A4", "A5", "A6")
-
-
-@dataclass(frozen=True, eq=False)
-class ArmModel:
-    """A six-axis arm: its dimensions, its joints' limits and full speeds, and where they are from.
-
-    `maker` is "kuka", "abb" or "other": whose configuration bits its programs carry.
-    """
-
-    name: str
-    title: str
-    maker: str
-    geometry: ArmGeometry
-    low_rad: Floats  # (6,)
-    high_rad: Floats  # (6,)
-    speed_rad_s: Floats  # (6,)
-    source: str
 
 
 @dataclass(frozen=True, eq=False)

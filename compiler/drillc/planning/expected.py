@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from drillc.catalogue.model import JOINT_NAMES
 from drillc.kernels.rotations import angle_between, quaternion_from_matrix
 from drillc.language.diagnostics import Report
 from drillc.language.job import (
-    JOINT_NAMES,
     PORTAL_JOINTS,
     ROTARY_JOINT,
     Arm,

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drillc.catalogue.model import JOINT_NAMES
 from drillc.kernels.posture import heading_turn_rad
-from drillc.language.job import JOINT_NAMES, Floats
+from drillc.language.job import (
+    Floats,
+)
 from drillc.planning.cell import Cell, pick
 from drillc.planning.cycle_check import Assessment, Cycles, assess
 from drillc.planning.mending import find_mends, headings_of

@@ -82,13 +82,12 @@ def _unsearched(blocked: int, free: NDArray[np.bool_]) -> Rows:
     """Holes that may still be searched (`free`, n) around the one that is blocked: those nearby,
     or where there are none, those of the next wider stretch."""
     around = _AROUND
-    while around < 2 * len(free):
+    while True:
         first = max(0, blocked - around)
         rows = first + np.flatnonzero(free[first : blocked + around])
-        if len(rows):
+        if len(rows) or (first == 0 and blocked + around >= len(free)):
             return rows
         around *= 2
-    return np.empty(0, dtype=np.int64)
 
 
 def _all(
