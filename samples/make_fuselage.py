@@ -9,7 +9,7 @@ axis, which is x. A point of it has two angles, u along the fuselage and φ abov
     outward = (sin u,  cos u cos φ,  cos u sin φ)  unit as it stands
 
 Holes lie along stringers (φ constant) and around frames (u constant); their angles follow from
-their ids. Two contour boards, cut to the skin, hold the panel from outside; two straight bars stand
+their ids. Four contour boards, cut to the skin, hold the panel from outside; two straight bars stand
 between them (the spec has those as boxes). Where boards and bars hide the skin there is no hole:
 those are drilled when the panel has been turned to its other clamps.
 
@@ -58,7 +58,7 @@ def normals(u_deg: Floats, phi_deg: Floats) -> Floats:
 STRINGER_MM, FRAME_MM = 3.4, 4.0
 #: Boards and bars stand at these places along the fuselage, u in tenths of a degree; they hide
 #: the skin this far to either side.
-HELD, HIDDEN = (-30, -10, 10, 30), 5
+HELD, HIDDEN = (-50, -30, -10, 10, 30, 50), 5
 
 
 @dataclass(frozen=True)
@@ -76,21 +76,21 @@ def holes() -> Iterator[Hole]:
     lowest up and then the frames from the middle of the fuselage or its end inwards, so that every
     row begins about where the last one ended.
 
-    Sssppp  stringer ss = 01 … 13  φ = 4 (ss - 7)°  place ppp = 001 … 127  u = 0.1 (ppp - 64)°
+    Sssppp  stringer ss = 01 … 17  φ = 3 (ss - 9)°  place ppp = 001 … 127  u = 0.1 (ppp - 64)°
     Fffppp  frame ff = 01 … 07     u = 2 (ff - 4)°  place ppp = 001 … 097  φ = 0.5 (ppp - 49)°
 
     Stringers leave out the places under the frames, frames those under the stringers. The frame in
     the middle, 04, belongs to the forward half.
     """
     for along, frames in ((range(1, 64), (3, 2, 1)), (range(65, 128), (7, 6, 5, 4))):
-        for s in range(1, 14):
+        for s in range(1, 18):
             for p in along if s % 2 else reversed(along):
                 tenths = p - 64
                 if tenths % 20 and not any(abs(tenths - at) < HIDDEN for at in HELD):
-                    yield Hole(f"S{s:02d}{p:03d}", tenths / 10, 4.0 * (s - 7), STRINGER_MM)
+                    yield Hole(f"S{s:02d}{p:03d}", tenths / 10, 3.0 * (s - 9), STRINGER_MM)
         for f in frames:
             for p in range(97, 0, -1) if f % 2 else range(1, 98):
-                if (p - 49) % 8:
+                if (p - 49) % 6:
                     yield Hole(f"F{f:02d}{p:03d}", 2.0 * (f - 4), 0.5 * (p - 49), FRAME_MM)
 
 
@@ -144,13 +144,13 @@ def _ply(vertices: Floats, faces: Ints) -> bytes:
 
 #: Contour boards: where they stand along the fuselage, how thick they are, how far from the skin
 #: their edges are, and the steps of their arcs.
-BOARDS_U_DEG = (-3.0, 3.0)
+BOARDS_U_DEG = (-5.0, -3.0, 3.0, 5.0)
 BOARD_MM, BOARD_OFF_MM = 40.0, (12.0, 140.0)
 BOARD_PHI_DEG, BOARD_STEPS = (-28.0, 28.0), 14
 
 
 def boards_stl() -> bytes:
-    """Both boards as closed meshes in one file."""
+    """All boards as closed meshes in one file."""
     return _stl(np.concatenate([_board(u) for u in BOARDS_U_DEG]))
 
 

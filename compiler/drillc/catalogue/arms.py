@@ -13,10 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drillc.catalogue.model import JOINT_NAMES, ArmModel
-from drillc.kernels.arm import ArmGeometry
-from drillc.language.job import (
-    Floats,
-)
+from drillc.kernels.arm import ArmGeometry, Floats
 
 DIMENSIONS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 

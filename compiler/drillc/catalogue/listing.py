@@ -8,9 +8,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from drillc.catalogue.model import JOINT_NAMES, ArmModel
-from drillc.language.job import (
-    Floats,
-)
+from drillc.kernels.arm import Floats
 
 from .arms import DIMENSIONS, reach_mm
 
