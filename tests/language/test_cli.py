@@ -99,7 +99,7 @@ def test_usage(capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None
         "drillc.language.resolve.resolve",
         "drillc.planning.depths.plunge_depths",
         "drillc.planning.plan.plan",
-        "drillc.output.emission.emit_files",
+        "drillc.output.emission.emit_programs",
         "drillc.output.writing.write_outputs",
     ],
 )
