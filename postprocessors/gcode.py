@@ -1,8 +1,9 @@
-"""G-code as LinuxCNC reads it (RS274/NGC), for programs in joints.
+"""G-code as LinuxCNC reads it (RS274/NGC), for programs in joints, any joint on any letter.
 
-A process is an O-word subroutine, called once per hole with the feed axis's place at the hole and
-the depth. Any joint may be on any of the nine letters. A program in poses is refused: LinuxCNC's
-letters are joints here, and no robot stands behind them.
+A process is an O-word subroutine, called once per hole. Where one axis feeds the tool, it is given
+that axis's place at the hole and the depth. An arm moves all of its joints to go straight: each
+hole brings them at places along the tool's axis, and the routine goes from one to the next
+(`_gcode_arm.py`). A program in poses without an arm is refused: no robot stands behind it.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 from drillc.language.diagnostics import Label, Report
+from drillc.output.acceptance import ANY_MAKER
 from drillc.output.names import Kind, NameRules
 from drillc.output.numbers import Column, Fixed, fixed
 from drillc.output.post import Accepts, PostProcessor, Task
@@ -25,14 +27,20 @@ from drillc.planning.program import (
     WaitInput,
 )
 
+from ._gcode_arm import (
+    ANGLE_DECIMALS,
+    LETTERS,
+    TURNING,
+    arm_context,
+    hole_columns,
+    via_columns,
+    warn_of_lengths,
+)
+
 LENGTH_DECIMALS = 4
-ANGLE_DECIMALS = 5
 FEED_DECIMALS = 3
 TIME_DECIMALS = 3
 SHARE_DECIMALS = 5
-#: In the order in which one writes them.
-LETTERS = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
-_TURNING = ("A", "B", "C")
 
 
 class GcodePost(PostProcessor):
@@ -42,6 +50,7 @@ class GcodePost(PostProcessor):
     title: ClassVar[str] = "G-code for LinuxCNC (RS274/NGC), joints on X Y Z A B C U V W"
     accepts: ClassVar[Accepts] = Accepts(
         joints=True,
+        arms=("kuka", "abb", ANY_MAKER),
         spindle="native",
         axes=LETTERS,
         inputs=range(64),
@@ -73,30 +82,20 @@ class GcodePost(PostProcessor):
 
     def check(self, task: Task, report: Report) -> None:
         """Speeds and times that vanish when written, and axes of another kind than the joint."""
-        motion = task.program.motion
-        assert motion is not None  # `accepts` refuses programs in poses
         for cycle in task.program.cycles:
             _check_vanishing(cycle, task, report)
             _check_analogs(cycle, task, report)
-        joints = {axis.name: axis for axis in motion.axes}
-        for joint, target in task.emit.axes:
-            axis, letter = joints.get(joint.text), target.text.upper()
-            if axis is None or letter not in LETTERS or axis.rotary == (letter in _TURNING):
-                continue
-            report.warn(
-                "W650",
-                f"joint {axis.name} {'turns' if axis.rotary else 'slides'}, but {letter} is"
-                f" {'a length' if axis.rotary else 'an angle'}: its"
-                f" {'degrees' if axis.rotary else 'mm'} are written as plain numbers",
-                target.span,
-                hint="X Y Z U V W are lengths and A B C angles, unless the machine's configuration"
-                " says otherwise",
-            )
+        if task.program.motion is None:
+            warn_of_lengths(task, report)
+        else:
+            _warn_of_kinds(task.program.motion, task, report)
 
     def columns(self, task: Task) -> dict[str, Column]:
-        """A column per letter; `feed`, the feed axis at the hole; `withdraw`, where it waits."""
+        """A column per letter; `feed`, the feed axis at the hole; `withdraw`, where it waits. An
+        arm has none of these: see `_gcode_arm.hole_columns`."""
         motion = task.program.motion
-        assert motion is not None
+        if motion is None:
+            return hole_columns(task)
         columns: dict[str, Column] = {
             letter: _joint_column(motion, joint) for joint, letter in enumerate(task.axes)
         }
@@ -104,14 +103,20 @@ class GcodePost(PostProcessor):
         columns["withdraw"] = Fixed(motion.withdraw_mm, LENGTH_DECIMALS)
         return columns
 
+    def via_columns(self, task: Task) -> dict[str, Column]:
+        return via_columns(task)
+
     def context(self, task: Task) -> dict[str, object]:
         """`feed_axis` and `other_axes` (letters), `joints` (joint, letter), and the depths: `at`
-        writes a fixed depth as a place of the feed axis, `deeper` is the sign of going deeper."""
+        writes a fixed depth as a place of the feed axis, `deeper` is the sign of going deeper,
+        `bottom` the parameter that has the hole's own. An arm has no `feed_axis`."""
         motion = task.program.motion
-        assert motion is not None
+        if motion is None:
+            return {"feed_axis": "", "bottom": "#1", **arm_context(task)}
         feed = task.axes[motion.feed_axis]
         return {
             "feed_axis": feed,
+            "bottom": "#2",
             "other_axes": tuple(x for x in LETTERS if x in task.axes and x != feed),
             "joints": tuple(zip((axis.name for axis in motion.axes), task.axes, strict=True)),
             "at": lambda depth_mm: place_at(depth_mm, motion.feed_sign),
@@ -147,6 +152,23 @@ def per_minute(per_second: float) -> str:
 def rpm(rev_s: float) -> str:
     """A spindle speed: rev/s as S counts it."""
     return fixed(rev_s * 60.0, FEED_DECIMALS)
+
+
+def _warn_of_kinds(motion: JointMotion, task: Task, report: Report) -> None:
+    joints = {axis.name: axis for axis in motion.axes}
+    for joint, target in task.emit.axes:
+        axis, letter = joints.get(joint.text), target.text.upper()
+        if axis is None or letter not in LETTERS or axis.rotary == (letter in TURNING):
+            continue
+        report.warn(
+            "W650",
+            f"joint {axis.name} {'turns' if axis.rotary else 'slides'}, but {letter} is"
+            f" {'a length' if axis.rotary else 'an angle'}: its"
+            f" {'degrees' if axis.rotary else 'mm'} are written as plain numbers",
+            target.span,
+            hint="X Y Z U V W are lengths and A B C angles, unless the machine's configuration"
+            " says otherwise",
+        )
 
 
 def _check_vanishing(cycle: Cycle, task: Task, report: Report) -> None:

@@ -9,9 +9,9 @@ axis, which is x. A point of it has two angles, u along the fuselage and φ abov
     outward = (sin u,  cos u cos φ,  cos u sin φ)  unit as it stands
 
 Holes lie along stringers (φ constant) and around frames (u constant); their angles follow from
-their ids. Four contour boards, cut to the skin, hold the panel from outside; two straight bars stand
-between them (the spec has those as boxes). Where boards and bars hide the skin there is no hole:
-those are drilled when the panel has been turned to its other clamps.
+their ids. Four contour boards, cut to the skin, hold the panel from outside; two straight bars
+stand between them (the spec has those as boxes). Where boards and bars hide the skin there is no
+hole: those are drilled when the panel hangs in its other holders.
 
 There is nothing random here and coordinates are rounded before they are written, so the same bytes
 come out each time. A test compares them with the files in the repository.

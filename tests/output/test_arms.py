@@ -18,7 +18,6 @@ from drillc.language.job import Emit
 from drillc.output.emission import PostError, emit_files, emit_programs
 from drillc.output.post import PostProcessor
 from drillc.planning.program import Program
-from drillc.postprocessors.gcode import GcodePost
 from drillc.postprocessors.krl import KrlPost, told_by_status
 from drillc.postprocessors.rapid import RapidPost
 from judges import rapidchecker
@@ -456,15 +455,6 @@ def test_a_post_that_makes_no_vias_is_given_no_arm() -> None:
         accepts = replace(KrlPost.accepts, arms=())
 
     assert list(errors(Plain(), PROGRAMS["one_hole"]("kuka"))) == ["E661"]
-
-
-def test_an_arm_goes_straight_with_all_its_axes() -> None:
-    program = PROGRAMS["one_hole"]("kuka")
-    axes = {f"A{i + 1}": letter for i, letter in enumerate("XYZABC")}
-    for emit in (None, emit_of("gcode", axes)):
-        found = errors(GcodePost(), program, emit)
-        assert list(found) == ["E662"]
-        assert "KR 210" in found["E662"]
 
 
 def test_the_names_of_vias_are_taken() -> None:

@@ -18,12 +18,13 @@ import numpy as np
 import pytest
 from drillc.language.diagnostics import Report, render
 from drillc.language.job import Emit
+from drillc.output.acceptance import mapped_joints
 from drillc.output.emission import NAMES_FILE, emit_files
 from drillc.output.names import NameRules, map_names
 from drillc.output.post import PostProcessor
 from drillc.output.registry import find_posts, list_posts
 from drillc.planning.program import Program
-from output.arm_programs import Way, arm_program, some_joints
+from output.arm_programs import Way, arm_program, shifted, some_joints
 from output.programs import (
     drill_cycle,
     emit_of,
@@ -74,12 +75,22 @@ def _far(program: Program) -> Program:
 
 def _with_ways(maker: str) -> Program:
     """Three sections, and vias of both kinds before them, between their holes and at the end."""
-    ways = [Way(i % 2 == 0, tuple(row)) for i, row in enumerate(some_joints(6, maker))]
+    rows = some_joints(12, maker)
+    rows[6][5] += 360.0  # there the straight way from the hole before ends
+    away = [Way(False, tuple(shifted(maker, row, -150.0))) for row in rows]
+    aside = [Way(True, tuple(row)) for row in rows]
     return arm_program(
         [("upper", 0, 4), ("lower", 1, 3), ("rim", 0, 5)],
         [drill_cycle(peck_mm=3.0), rivet_cycle()],
         maker=maker,
-        ways={0: ways[:1], 2: ways[1:4], 4: ways[2:3], 9: ways[3:5], 12: ways[5:]},
+        joints_deg=rows,
+        ways={
+            0: aside[:1],
+            2: [away[1], aside[2], away[2]],
+            4: aside[5:6],
+            9: [away[8], aside[9]],
+            12: [away[11]],
+        },
     )
 
 
@@ -148,10 +159,8 @@ def post_of(name: str) -> PostProcessor:
 
 
 def emit_for(post: PostProcessor, program: Program, **settings: Any) -> Emit:
-    axes = None
-    if program.motion is not None and post.accepts.joints:
-        joints = [axis.name for axis in program.motion.axes]
-        axes = dict(zip(joints, post.accepts.axes[-len(joints) :], strict=True))
+    joints = mapped_joints(program, post.accepts)
+    axes = dict(zip(joints, post.accepts.axes[-len(joints) :], strict=True)) if joints else None
     given = dict(SETTINGS.get(post.name, {})) if program.motion is None else {}
     return emit_of(post.name, axes, **given, **settings)
 
@@ -173,7 +182,7 @@ def must_accept(name: str, program: Program) -> bool:
     """Whether the post has declared that it takes such a program."""
     accepts = post_of(name).accepts
     if program.arm is not None:
-        return accepts.poses and program.arm.arm.model.maker in accepts.arms
+        return program.arm.arm.model.maker in accepts.arms
     if program.motion is None:
         return accepts.poses
     drills = any(c.process.drill for c in program.cycles)

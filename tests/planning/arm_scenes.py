@@ -281,3 +281,30 @@ def tool_gap_mm(scene, cycles, row, heading_rad, step_mm=0.5):
                         gap = distance_mm(shape, f @ own, other, pose) - clearance[region]
                         least = min(least, gap)
     return least
+
+
+def tool_is_free(scene, cycles, row, heading_rad, step_mm=2.0):
+    """Whether the tool keeps every clearance over the whole cycle: fcl where spheres around the
+    bodies come near."""
+    flange = cycle_poses(cycles, row, heading_rad, step_mm) @ np.linalg.inv(scene.flange_tool)
+    region = cycles.region[row]
+    for bodies, clearance in zip(scene.guards, scene.clearance, strict=True):
+        kept = clearance[region]
+        for body in bodies if np.isfinite(kept) else ():
+            other, pose = body.fcl
+            far = ball_mm(other) + kept
+            for part in scene.body:
+                shape, own = part.fcl
+                here = flange @ own
+                away = np.linalg.norm(here[:, :3, 3] - pose[:3, 3], axis=1)
+                for i in np.flatnonzero(away < far + ball_mm(shape)):
+                    if distance_mm(shape, here[i], other, pose) < kept:
+                        return False
+    return True
+
+
+def ball_mm(shape):
+    """The radius of a ball around an fcl shape's middle."""
+    if isinstance(shape, fcl.Box):
+        return 0.5 * float(np.linalg.norm(shape.side))
+    return float(shape.radius) + 0.5 * float(getattr(shape, "lz", 0.0))

@@ -226,3 +226,30 @@ def test_a_bulge_between_holes_is_a_warning(tmp_path: Path) -> None:
     inward = inward.replace("(-0.5,", "(0.5,").replace("(w,", "(-0.5,")
     _, report = attempted(tmp_path, spec(inward, fixture))
     assert codes(report) == []
+
+
+def test_between_two_stations_of_an_arm_the_tool_does_not_go(tmp_path: Path) -> None:
+    text = """drill 1
+program P
+part p { up +Z  normals into  frame 1 }
+tool drill { number 1  tcp (0, 0, 250) mm }
+robot arm1 arm { model kuka_kr210_r3100_2
+  station one frame 1 at (0, -1800, 0) mm rotate z 90 deg
+  station two frame 2 at (0, -1800, 100) mm rotate z 90 deg
+  home { A1 0 deg  A2 -90 deg  A3 90 deg  A4 0 deg  A5 30 deg  A6 0 deg } }
+region r { station one  posture x horizontal toward +X
+           points mm { A (300, 67, 850) normal (0, 0.866, -0.5) } }
+region s { station two  posture x horizontal toward +X
+           points mm { B (300, 67, 350) normal (0, 0.866, 0.5) } }
+emit krl
+"""
+    _, report = attempted(tmp_path, text)
+    assert codes(report) == []
+    # From one station it does go from A to B, over whatever bulges between them.
+    _, report = attempted(
+        tmp_path,
+        text.replace("station two  posture", "station one  posture").replace(
+            "  station two frame 2 at (0, -1800, 100) mm rotate z 90 deg\n", ""
+        ),
+    )
+    assert codes(report) == ["W362"]

@@ -29,15 +29,12 @@ def one(position, rotation=AHEAD, **kinds):
 def ways(scene, cycles, row, heading_rad):
     """Every continuous way (k, 6) of the arm along a cycle, seen from its innermost place."""
     poses = cycle_poses(cycles, row, heading_rad, step_mm=1.0)[::-1]
-    found = []
-    for start in scene.branches(poses[:1])[0]:
-        if not np.isnan(start).any():
-            found.append(scene.follow(start, poses)[::-1])
-    return found
+    starts = scene.branches(poses[:1])[0]
+    return [scene.follow(s, poses)[::-1] for s in starts if not np.isnan(s).any()]
 
 
 def by_hand(scene, cycles, row, heading_rad):
-    """All that can be chosen at a heading: (joints at the surface, standoff, leave, margin, bend)."""
+    """All that can be chosen at a heading: joints at the surface, standoff, leave; margin; bend."""
     found = []
     out = max(cycles.approach_mm[row], cycles.retract_mm[row])
     depth = cycles.depth_mm[row]

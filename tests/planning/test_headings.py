@@ -17,7 +17,7 @@ from planning.arm_scenes import (
     Scene,
     cycle_poses,
     cycles_of,
-    tool_gap_mm,
+    tool_is_free,
     turn,
 )
 
@@ -26,7 +26,11 @@ STEP = np.radians(0.1)
 #: limits, the arm follows at every heading.
 AHEAD = turn("y", 90)
 HOLE = np.array([1900.0, 200.0, 1200.0])
-WIDE = {"low": LOW - [0, 0, 0, 9, 0, 9], "high": HIGH + [0, 0, 0, 9, 0, 9], "singular_deg": 0.0}
+WIDE = {
+    "low": LOW - np.array([0, 0, 0, 9, 0, 9]),
+    "high": HIGH + np.array([0, 0, 0, 9, 0, 9]),
+    "singular_deg": 0.0,
+}
 #: A spindle and an outrigger along the tool's x, 120 mm behind its point.
 BODY = (Capsule((0, 0, 40), (0, 0, 210), 30.0), Capsule((0, 0, 130), (200, 0, 130), 20.0))
 FREE = Scene(body=BODY, links=False, **WIDE)
@@ -46,9 +50,8 @@ def post(heading_deg, out_mm=150.0, wide_mm=30.0):
     return Box(tuple(low), tuple(high))
 
 
-def search(scene, cycles, within_deg, row=0):
-    out = turned_with(scene, cycles, np.array([row]), np.radians([within_deg]))
-    return out
+def search(scene, cycles, within_deg):
+    return turned_with(scene, cycles, np.array([0]), np.radians([within_deg]))
 
 
 def turned_with(scene, cycles, rows, turning_rad, **more):
@@ -74,17 +77,22 @@ def follows(scene, cycles, row, heading_rad):
     return False
 
 
-def dense(scene, cycles, within_rad, row=0, step_rad=STEP, start_rad=0.0):
-    """The smallest turns that work on either side, positive first; infinite where none does."""
+def dense(scene, cycles, within_rad, row=0):
+    """The smallest turns that work on either side, positive first; infinite where none does. Looked
+    for in steps of a degree, then of a tenth."""
     found = []
     for side in (1.0, -1.0):
-        away = start_rad
-        while away <= within_rad + 1e-9:
-            if follows(scene, cycles, row, side * away):
-                if tool_gap_mm(scene, cycles, row, side * away, 2.0) >= 0:
-                    break
-            away += step_rad
-        found.append(away if away <= within_rad + 1e-9 else np.inf)
+
+        def works(away, side=side):
+            heading = side * away
+            return tool_is_free(scene, cycles, row, heading) and follows(
+                scene, cycles, row, heading
+            )
+
+        coarse = np.append(np.arange(0.0, within_rad, 10 * STEP), within_rad)
+        least = next((away for away in coarse if works(away)), np.inf)
+        finer = least - STEP * np.arange(9, 0, -1)
+        found.append(next((away for away in finer if 0 <= away < np.inf and works(away)), least))
     return found
 
 
@@ -111,13 +119,14 @@ SCENES = {
 def test_the_nearest_free_heading_is_that_of_a_dense_search(name, clearance):
     scene = FREE.with_(guards=(tuple(SCENES[name]),), clearance=((clearance, 2.0),))
     cycles = hole()
-    assert tool_gap_mm(scene, cycles, 0, 0.0) < 0
+    assert not tool_is_free(scene, cycles, 0, 0.0)
     expected = dense(scene, cycles, np.pi)
     found = nearest(search(scene, cycles, 180))
     assert min(found) == pytest.approx(min(expected), abs=2 * FINEST_RAD)
     # Every one of them is free.
-    for heading in search(scene, cycles, 180).heading_rad:
-        assert tool_gap_mm(scene, cycles, 0, heading) > -0.05
+    slack = scene.with_(clearance=((clearance - 0.05, 2.0),))
+    for heading in np.unique(search(scene, cycles, 180).heading_rad):
+        assert tool_is_free(slack, cycles, 0, heading)
 
 
 def test_a_range_that_ends_just_before_or_behind_the_nearest_free_heading():
@@ -189,7 +198,7 @@ def test_the_nearest_heading_at_which_the_arm_follows(place, lean):
     if not works:
         assert not len(found)
         return
-    expected = min(dense(ANGLED, cycles, np.pi, start_rad=0.0))
+    expected = min(dense(ANGLED, cycles, np.pi))
     tolerance = STEP + (ARM_FINEST_RAD if expected > 0 else 0)
     assert np.abs(found.heading_rad).min() == pytest.approx(expected, abs=tolerance)
     for heading in found.heading_rad:
@@ -209,14 +218,15 @@ def limited_to(low_deg, high_deg):
     return FREE.with_(low=low, high=high), cycles
 
 
-@pytest.mark.parametrize("window", [(70, 90), (-120, -80), (100, 103), (-151, -148), (40.5, 41.7)])
+@pytest.mark.parametrize("window", [(75, 90), (-120, -80), (100, 103), (-153, -150), (40.5, 41.7)])
 def test_headings_far_away_are_found_though_the_tool_is_free_nearby(window):
-    """A post somewhere keeps the range of headings from being free as a whole; the arm follows only
-    far from where the tool is free, and perhaps over a few degrees only."""
+    """Posts all around keep any long range of headings from being free; the arm follows only far
+    from where the tool first is, and perhaps over a few degrees only."""
     scene, cycles = limited_to(*window)
-    scene = scene.with_(guards=((post(20, wide_mm=10.0), post(-20, wide_mm=10.0)),))
-    scene = scene.with_(clearance=((2.0, 2.0),))
+    posts = tuple(post(h, wide_mm=4.0) for h in (20, 60, 135, 170, -20, -60, -135, -170))
+    scene = scene.with_(guards=(posts,), clearance=((2.0, 2.0),))
     expected = min(np.abs(window))
+    assert tool_is_free(scene, cycles, 0, np.radians(np.mean(window)))
     found = search(scene, cycles, 180)
     assert len(found)
     assert np.degrees(np.abs(found.heading_rad).min()) == pytest.approx(expected, abs=0.7)
@@ -225,7 +235,7 @@ def test_headings_far_away_are_found_though_the_tool_is_free_nearby(window):
 def test_no_heading_works_for_tool_and_arm_at_once():
     scene, cycles = limited_to(10, 40)
     blocked = scene.with_(guards=((post(10), post(40), post(25)),), clearance=((12.0, 2.0),))
-    assert dense(blocked, cycles, np.pi, step_rad=np.radians(1)) == [np.inf, np.inf]
+    assert dense(blocked, cycles, np.pi) == [np.inf, np.inf]
     assert len(search(blocked, cycles, 180)) == 0
 
 

@@ -198,7 +198,7 @@ def test_a_start_that_is_not_where_the_joints_are():
 def test_an_end_a_turn_away_is_missed():
     pose = SCENE.tool(FROM[None])[0].copy()
     pose[:3, 3] += [0, 50, 50]
-    moves, poses = straight(SCENE, FROM, pose)
+    _, poses = straight(SCENE, FROM, pose)
     end = SCENE.follow(FROM, poses)[-1]
     good, _ = straight(SCENE, FROM, pose, stop_joints=end)
     assert sample(CELL, good)[1].cause.tolist() == [FINE]

@@ -68,7 +68,7 @@ def scene_around(rng, poses, count=2):
 
 
 def judged(scene, moves, way):
-    """drillc's verdict and, guard by guard, what fcl finds over the clearance that is to be kept."""
+    """drillc's verdict and, for each guard, what fcl finds beyond the clearance to be kept."""
     verdict = check_moves(scene.cell(), moves)
     kept = np.array([c[0] for c in scene.clearance]) - LEAST_GAP_MM
     return verdict, least_gap(scene, way) - kept
@@ -99,7 +99,7 @@ def test_what_is_proven_clear_is_clear_and_what_is_far_is_proven():
     clear where fcl finds more than that and the finest growth."""
     rng = np.random.default_rng(7)
     clear = blocked = 0
-    for _ in range(40):
+    for _ in range(26):
         case = random_case(rng)
         if case is None:
             continue
@@ -112,8 +112,8 @@ def test_what_is_proven_clear_is_clear_and_what_is_far_is_proven():
             assert verdict.cause[0] >= HIT
             # (Half a millimetre of it may be missed between two places of the walk.)
             assert spare[verdict.cause[0] - HIT] < FINEST_MM + 1.0
-    assert clear >= 10
-    assert blocked >= 8
+    assert clear >= 7
+    assert blocked >= 6
 
 
 @pytest.mark.parametrize("gap_mm", [-1.0, -0.2, 2.0, 20.0])
@@ -173,7 +173,7 @@ def test_what_is_hit_where_and_by_what():
     stop = pose.copy()
     stop[:3, 3] += 300 * pose[:3, 0]
     at = pose[:3, 3] + 130 * pose[:3, 0] - 100 * pose[:3, 2]
-    far = Sphere(tuple(at + [0, 0, 5000]), 10.0)
+    far = Sphere(tuple(at + np.array([0, 0, 5000])), 10.0)
     guarded = scene.with_(guards=((far,), (Sphere(tuple(at), 10.0),)), clearance=((2.0, 2.0),) * 2)
     cell = guarded.cell()
     verdict = check_moves(cell, straight(scene, START, stop))

@@ -146,7 +146,7 @@ def test_many_are_judged_as_each_alone():
     rng = np.random.default_rng(6)
     scene, cycles = scene_and_cycles(rng, 4, 6)
     cycles.region[:] = [0, 0, 0, 1, 1, 1]
-    guards = [tuple(c[:1]) + (15.0, 2.0) for c in scene.clearance]
+    guards = [(c[0], 15.0, 2.0) for c in scene.clearance]
     sweeps = make_tool_sweeps(scene.with_(clearance=tuple(guards)).cell(), cycles)
     rows, heading = rng.integers(0, 6, 200), rng.uniform(-3, 3, 200)
     for half in (0.0, 0.1):

@@ -44,7 +44,7 @@ def test_the_whole_cycle_stays_inside_the_limits(case: PortalCase) -> None:
     result = planned(case.spec)
     solution = result.solution
     assert solution is not None
-    program = result.program
+    program = result.programs[0]
     motion = solution.motion
     for section in program.sections:
         process = program.cycles[section.cycle].process

@@ -107,7 +107,7 @@ def test_linuxcnc_puts_every_hole_where_the_joints_are(case: PortalCase) -> None
             path = Path(folder) / name
             path.parent.mkdir(exist_ok=True)
             path.write_bytes(data)
-        judged = run_gcode(Path(folder) / "gcode" / f"{result.program.name.lower()}.ngc")
+        judged = run_gcode(Path(folder) / "gcode" / f"{result.programs[0].name.lower()}.ngc")
     assert judged.error is None
     places: dict[str, list[dict[str, float]]] = {}
     hole = ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 from walk.arm import KR210, Arm
 from walk.scene import Scene, block, placement, solids, without_comments
 from walk.walking import (
+    LEAP_DEG,
     ROUNDING_DEG,
     ROUNDING_MM,
     STEP_MM,
@@ -26,9 +27,6 @@ from walk.walking import (
 )
 
 Array = np.ndarray
-
-#: What no joint turns by within one step, be it of a straight line near the wrist's singularity.
-JUMP_DEG = 2.5
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,17 @@ class Spec:
         }
         tool = block(block(self.text, r"tool\s+\w+"), "body")
         part_from_root = placement(self.text[where.end() :])
-        return Scene(KR210, part_from_root, fixtures, solids(tool, self.path.parent))
+        return Scene(self.arm, part_from_root, fixtures, solids(tool, self.path.parent))
+
+    @property
+    def arm(self) -> Arm:
+        """The model that all of these specs name, within their limits."""
+        assert re.findall(r"\bmodel (\w+)", self.text) == ["kuka_kr210_r3100_2"]
+        limits = list(KR210.limits_deg)
+        for stated in re.findall(r"\blimits\s*\{[^}]*\}", self.text):
+            for joint, low, high in re.findall(r"A(\d) (\S+) deg \.\. (\S+) deg", stated):
+                limits[int(joint) - 1] = (float(low), float(high))
+        return replace(KR210, limits_deg=tuple(limits))
 
     @cached_property
     def flange_from_tool(self) -> Array:
@@ -78,10 +86,11 @@ class Spec:
 
 @dataclass(frozen=True)
 class Hole:
-    """A hole's position as the program states it: pose (4, 4) in part coordinates, S and T."""
+    """A hole as the program states it: pose (4, 4) in part coordinates, S and T, and how deep."""
 
     pose: Array
     status_and_turn: tuple[int, int]
+    depth_mm: float
 
 
 @dataclass(frozen=True)
@@ -111,7 +120,7 @@ def read(
     for _, arguments in run.calls:
         if arguments and isinstance(arguments[0], dict) and "X" in arguments[0]:
             at = arguments[0]
-            holes.append(Hole(krl.matrix(at), (int(at["S"]), int(at["T"]))))
+            holes.append(Hole(krl.matrix(at), (int(at["S"]), int(at["T"])), arguments[1]))
     return Emitted(run, tuple(holes), krl.matrix(base), krl.matrix(tool))
 
 
@@ -145,7 +154,7 @@ def check_steps(arm: Arm, joints: Array, flange_from_tool: Array) -> None:
     step = float(np.linalg.norm(np.diff(point, axis=0), axis=1).max())
     assert step <= STEP_MM + ROUNDING_MM, f"a step of {step:.3f} mm"
     turn = float(np.abs(np.diff(joints, axis=0)).max())
-    assert turn <= JUMP_DEG, f"a joint jumps by {turn:.2f} deg"
+    assert turn <= LEAP_DEG, f"a joint jumps by {turn:.2f} deg"
 
 
 def check_status(arm: Arm, emitted: Emitted, joints: Array) -> None:

@@ -20,7 +20,8 @@ Array = np.ndarray
 #: How densely the ways are walked: neither elbow, wrist, flange nor the tool's point go farther
 #: between two steps, and in a move by joints no joint turns by more.
 STEP_MM, STEP_DEG = 1.0, 0.5
-#: Between two steps of a straight line no joint may leap.
+#: Between two steps no joint may turn by more: on a straight line, next to the wrist's singularity,
+#: joints turn much faster than the tool.
 LEAP_DEG = 5.0
 #: A step's rounding in the emitted text: positions have three decimals, angles more.
 ROUNDING_MM, ROUNDING_DEG = 0.01, 0.01

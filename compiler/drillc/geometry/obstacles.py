@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .bvh import Body
 from .capsules import STEP_MM, Capsules, near_capsules
-from .field import INSIDE, UNSURE, DistanceField, distance_field
+from .field import INSIDE, OUTSIDE, UNSURE, DistanceField, distance_field
 from .polyhedra import EXCESS
 from .probe import Probe
 from .shapes import Floats, Mesh, RoundedHull, joined
@@ -90,6 +90,27 @@ class Obstacles:
         result[rows] = ~self._nested(probe, rotation[rows], position_mm[rows])
         return result
 
+    def meets(self, probe: Probe, rotation: Floats, position_mm: Floats) -> Bools:
+        """In which poses (n,) the probe and a solid certainly have a point in common.
+
+        Poses as in `clear`, but finite. Never wrongly True; False also where they only overlap by
+        less than what the polyhedra inside them lack.
+        """
+        result = np.zeros(len(rotation), dtype=np.bool_)
+        if probe.inner_body is not None and self._inner_body is not None:
+            for i in range(len(rotation)):
+                probe.inner_body.move(rotation[i], position_mm[i])
+                result[i] = probe.inner_body.meets(self._inner_body)
+        for hull in probe.hulls:
+            rows = np.flatnonzero(~result)
+            points = rotation[rows] @ hull.points_mm[0] + position_mm[rows]
+            held = self._side(points) != OUTSIDE
+            rows, points = rows[held], points[held]
+            for each in self._standing:
+                near = ((points >= each.low_mm) & (points <= each.high_mm)).all(axis=1)
+                result[rows[near]] |= each.core_contains(points[near])
+        return result
+
     def capsules_clear(self, start_mm: Floats, end_mm: Floats, radius_mm: Floats) -> Bools:
         """In which poses (n,) all of m capsules are certainly clear of the solids.
 
@@ -112,19 +133,31 @@ class Obstacles:
                 result[row] = self._capsule_apart(*ends, float(radius[row, link]))
         return result
 
-    def gap_mm(self, probe: Probe, rotation: Floats, position_mm: Floats) -> tuple[float, int]:
-        """The distance to the nearest solid in one pose, and which solid that is.
+    def gap_mm(
+        self,
+        probe: Probe,
+        rotation: Floats,
+        position_mm: Floats,
+        *,
+        beyond_mm: float = np.inf,
+    ) -> tuple[float, int]:
+        """The distance to the nearest solid in one pose, and which solid that is; `beyond_mm` and
+        -1 where none is nearer than that.
 
         Exact to 0.005 mm, and never too great. Negative where the two overlap: the sum of their
         radii if their cores do too, how deep they are if only their rounding does.
         """
-        best, index = np.inf, -1
+        best, index = beyond_mm, -1
+        first = probe.points_mm[probe.first_point] @ rotation.T + position_mm
+        free = self._side(first) == OUTSIDE
         bounds = self._apart_at_least(probe, rotation, position_mm)
         for flat in np.argsort(bounds, axis=None, kind="stable"):
             hull, solid = np.unravel_index(flat, bounds.shape)
             if bounds[hull, solid] >= best:
                 break
-            gap = self._pair_gap_mm(probe, int(hull), int(solid), rotation, position_mm)
+            gap = self._pair_gap_mm(
+                probe, int(hull), int(solid), rotation, position_mm, free=bool(free[hull])
+            )
             if gap < best:
                 best, index = gap, int(solid)
         return best, index
@@ -163,28 +196,37 @@ class Obstacles:
 
     def _apart_at_least(self, probe: Probe, rotation: Floats, position_mm: Floats) -> Floats:
         """A lower bound (hulls, solids) of their distances, from boxes around them."""
-        gaps = []
-        for hull in probe.hulls:
-            points = hull.points_mm @ rotation.T + position_mm
-            below = self._low_mm - (points.max(axis=0) + hull.radius_mm)
-            above = points.min(axis=0) - hull.radius_mm - self._high_mm
-            gaps.append(np.linalg.norm(np.maximum(np.maximum(below, above), 0.0), axis=1))
-        return np.array(gaps)
+        points = probe.points_mm @ rotation.T + position_mm
+        radius_mm = probe.radius_mm[:, None]
+        low = np.minimum.reduceat(points, probe.first_point) - radius_mm
+        high = np.maximum.reduceat(points, probe.first_point) + radius_mm
+        below, above = self._low_mm - high[:, None], low[:, None] - self._high_mm
+        beside = np.maximum(np.maximum(below, above), 0.0)
+        return np.asarray(np.sqrt(np.einsum("hsi,hsi->hs", beside, beside)))
 
     def _pair_gap_mm(
-        self, probe: Probe, hull: int, solid: int, rotation: Floats, position_mm: Floats
+        self,
+        probe: Probe,
+        hull: int,
+        solid: int,
+        rotation: Floats,
+        position_mm: Floats,
+        *,
+        free: bool = False,
     ) -> float:
-        """The distance of one hull and one solid; not positive where they overlap."""
+        """The distance of one hull and one solid; not positive where they overlap. `free`: the
+        hull's first point is known to be in no solid."""
         body, other = probe.core_bodies[hull], self._standing[solid]
         body.move(rotation, position_mm)
         gap_mm = body.distance_mm(other.core_body)
         radii_mm = probe.hulls[hull].radius_mm + other.radius_mm
         if gap_mm > radii_mm:
-            point = probe.hulls[hull].points_mm[:1] @ rotation.T + position_mm
+            point = rotation @ probe.hulls[hull].points_mm[0] + position_mm
+            if not free and other.core_contains(point[None])[0]:
+                return -gap_mm
             marks = (other.marks_mm - position_mm) @ rotation
             planes = probe.cores[hull].planes
-            held = (marks @ planes[:, :3].T <= planes[:, 3]).all(axis=1).any()
-            if held or other.core_contains(point)[0]:
+            if (marks @ planes[:, :3].T <= planes[:, 3]).all(axis=1).any():
                 return -gap_mm
         return gap_mm - radii_mm
 

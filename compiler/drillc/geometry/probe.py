@@ -34,6 +34,10 @@ class Probe:
         if not hulls:
             raise ValueError("a probe needs at least one hull")
         self.hulls = tuple(hulls)
+        #: All hulls' points, where each hull's begin, and their radii.
+        self.points_mm = np.concatenate([hull.points_mm for hull in hulls])
+        self.first_point = np.cumsum([0, *(len(hull.points_mm) for hull in hulls[:-1])])
+        self.radius_mm = np.array([hull.radius_mm for hull in hulls])
 
     @cached_property
     def levels(self) -> tuple[Balls, ...]:

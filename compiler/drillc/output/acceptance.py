@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from drillc.catalogue.model import JOINT_NAMES
 from drillc.language.diagnostics import NAMED_ROWS, Label, Report
 from drillc.language.fields import did_you_mean
 from drillc.language.job import Arm, Emit, Floats, Named, Process
 from drillc.output.post import Accepts
 from drillc.planning.program import (
-    JointMotion,
     Plunge,
     Program,
     SetAnalog,
@@ -22,7 +22,7 @@ from drillc.planning.program import (
 )
 
 #: What is reported of a program that is of a kind that the post does not write at all.
-KIND_CODES = ("E610", "E611", "E660", "E661", "E662")
+KIND_CODES = ("E610", "E611", "E660", "E661")
 #: The maker of arms of which it is not known whose controller runs them.
 ANY_MAKER = "other"
 #: The signals that switch a spindle where the language itself cannot.
@@ -67,11 +67,7 @@ def _check_arm(arm: Arm, accepts: Accepts, emit: Emit, report: Report) -> None:
     """A program for an arm is nothing without its vias, nor on the controller of another maker."""
     post, robot, title = emit.post.text, arm.name.text, arm.model.title
     code = hint = ""
-    if not accepts.poses:
-        code = "E662"
-        what = f"{post} moves axes, and robot {robot} ({title}) moves all of its own to go straight"
-        hint = "emit for a controller that moves arms by poses, such as krl or rapid"
-    elif not accepts.arms:
+    if not accepts.arms:
         code = "E661"
         what = f"{post} cannot say by which way robot {robot} ({title}) goes to its holes"
         hint = "emit for a controller that can, such as krl or rapid"
@@ -88,10 +84,21 @@ def _check_arm(arm: Arm, accepts: Accepts, emit: Emit, report: Report) -> None:
         )
 
 
-def read_axes(motion: JointMotion, accepts: Accepts, emit: Emit, report: Report) -> tuple[str, ...]:
-    """The controller's axis of each joint, in the joints' order; empty after an error."""
+def mapped_joints(program: Program, accepts: Accepts) -> tuple[str, ...]:
+    """The joints that need an axis each: those of a program in joints, and an arm's where the
+    controller takes no poses."""
+    if not accepts.joints:
+        return ()
+    if program.motion is not None:
+        return tuple(axis.name for axis in program.motion.axes)
+    return JOINT_NAMES if program.arm is not None and not accepts.poses else ()
+
+
+def read_axes(
+    joints: Sequence[str], accepts: Accepts, emit: Emit, report: Report
+) -> tuple[str, ...]:
+    """The controller's axis of each of the joints, in their order; empty after an error."""
     before = len(report.diagnostics)
-    joints = [axis.name for axis in motion.axes]
     if not emit.axes:
         example = "  ".join(f"{j} {a}" for j, a in zip(joints, accepts.axes, strict=False))
         report.error(

@@ -14,7 +14,13 @@ import numpy as np
 
 from drillc.language.diagnostics import Diagnostic, Report
 from drillc.language.job import Emit, Process, Texts
-from drillc.output.acceptance import KIND_CODES, check_accepted, read_axes, refuse_axes
+from drillc.output.acceptance import (
+    KIND_CODES,
+    check_accepted,
+    mapped_joints,
+    read_axes,
+    refuse_axes,
+)
 from drillc.output.names import Kind, map_names, names_csv
 from drillc.output.numbers import Column, Fixed, Text, Whole
 from drillc.output.post import Option, PostProcessor, Task
@@ -224,9 +230,9 @@ def _prepared(
     settings = read_settings(options_of(post), post.names, emit, report)
     check_accepted(program, post.accepts, emit, report)
     axes: tuple[str, ...] = ()
-    if program.motion is not None and post.accepts.joints:
-        axes = read_axes(program.motion, post.accepts, emit, report)
-    elif program.motion is None and (post.accepts.poses or program.arm is None):
+    if joints := mapped_joints(program, post.accepts):
+        axes = read_axes(joints, post.accepts, emit, report)
+    elif program.motion is None:
         refuse_axes(emit, report)
     count = len(program.holes)
     size = settings["holes_per_module"] if post.split_files else max(1, count)

@@ -29,6 +29,9 @@ from drillc.planning.proofs import check_moves
 Rows = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+#: Turned by nearly half a turn, the tool might turn the other way round: what is written is
+#: rounded, and controllers take the shorter way. It does not go straight then.
+MOST_TURN_RAD = np.radians(175.0)
 #: How much farther than its standoff the tool withdraws, in the order in which it is tried.
 LIFTS_MM = (25.0, 50.0, 100.0, 200.0, 400.0)
 
@@ -107,6 +110,7 @@ def _find_routes(
     )
     ends = _Ends(cell, cycles, chosen, legs)
     straight = ~legs.section & (chosen.branch[legs.leaves] == chosen.branch[legs.reaches])
+    straight[straight] = ends.turn_rad(np.flatnonzero(straight)) < MOST_TURN_RAD
     open_ = np.ones(count, dtype=np.bool_)
     why: dict[int, Verdict] = {}
 
@@ -207,6 +211,15 @@ class _Ends:
             assert self.cell.arm.home_rad is not None
             start[leaves < 0] = stop[reaches < 0] = self.cell.arm.home_rad
         return start, stop
+
+    def turn_rad(self, rows: Rows) -> Floats:
+        """By how much the tool turns from one end to the other (k,)."""
+        away_mm = np.zeros(len(rows))
+        begin, _ = self._pose(self.legs.leaves[rows], away_mm)
+        end, _ = self._pose(self.legs.reaches[rows], away_mm)
+        # |B - A|² = 8 sin²(turn / 2), by the Frobenius norm.
+        chord = np.linalg.norm(end - begin, axis=(1, 2)) / np.sqrt(8.0)
+        return np.asarray(2.0 * np.arcsin(np.minimum(1.0, chord)))
 
     def across(
         self, rows: Rows, lift_mm: float, start: Floats | None, stop: Floats | None

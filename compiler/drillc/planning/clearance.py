@@ -96,9 +96,11 @@ def check_travel(job: Job, part_from_tool: Floats, report: Report) -> None:
     # the standoff's share along the normal between the two.
     height = np.minimum(leave[:-1], arrive[1:]) * np.cos(0.5 * turned)
     holes = job.holes
+    station = np.array([region.station for region in job.regions])[holes.region]
+    driven = station[1:] == station[:-1]  # between two stations of an arm the tool does not go
     report_holes(
         holes,
-        np.flatnonzero(rise > height) + 1,
+        np.flatnonzero((rise > height) & driven) + 1,
         "W362",
         lambda row: (
             f"between holes {holes.ids[row - 1]} and {holes.ids[row]} the part may rise "

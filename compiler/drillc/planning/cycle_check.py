@@ -275,7 +275,7 @@ def _link_hits(
     first = np.arange(len(row) + 1, dtype=np.int64) * path.shape[1]
     sampled = Sampled(moves, first, path.reshape(-1, 6))
     links = tuple(mover for mover in cell.movers if mover.link != TOOL)
-    hits = find_hits(cell, sampled, np.arange(len(row)), links)
+    hits = find_hits(cell, sampled, np.arange(len(row)), links, stretches=1)
     return hits.guard, hits.mover
 
 

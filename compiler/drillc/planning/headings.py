@@ -7,37 +7,28 @@ free, proven blocked, or as narrow as `FINEST_RAD`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from drillc.language.job import Floats
 from drillc.planning.cell import Cell
 from drillc.planning.cycle_check import Candidates, Cycles, assess, join
+from drillc.planning.free_headings import (
+    FINEST_RAD,
+    GRID_RAD,
+    Stretches,
+    free_stretches,
+    nearest_free,
+)
 from drillc.planning.moves import FINE
 from drillc.planning.tool_sweeps import ToolSweeps
 
-#: Intervals of headings are halved until they are this narrow: how exactly a turn is the smallest.
-FINEST_RAD = np.radians(0.1)
 #: How exactly the turn is the smallest where it is the arm, not the tool, that asks for it.
 ARM_FINEST_RAD = np.radians(0.5)
-#: Headings within a free stretch stand this far apart.
-GRID_RAD = np.radians(5.0)
-#: Beyond the nearest free heading on a side, so much more of that side is searched.
-SPREAD_RAD = np.radians(45.0)
+#: How much nearer than proven a heading may be free: what the sweeps' hulls leave over.
+_OVER_RAD = 8 * FINEST_RAD
 
 Rows = NDArray[np.int64]
-
-
-@dataclass(frozen=True, eq=False)
-class _Stretches:
-    """Headings proven free: `low` … `high` (k,), radians away from the rule's on side +1 or -1."""
-
-    row: Rows
-    side: Floats
-    low: Floats
-    high: Floats
 
 
 def preferred(cell: Cell, cycles: Cycles, sweeps: ToolSweeps, rows: Rows) -> Candidates:
@@ -57,86 +48,57 @@ def turned(
 ) -> Candidates:
     """Candidates of holes `rows` at other headings, at most `turning_rad` (k,) away: the nearest
     that works on either side, and up to `enough` of a grid behind it. What is nearest is exact to
-    `FINEST_RAD` where the tool decides, to `ARM_FINEST_RAD` where the arm does."""
-    free = _free_stretches(sweeps, rows, turning_rad)
+    `FINEST_RAD` where the tool decides, to `ARM_FINEST_RAD` where the arm does. Where the arm
+    follows over less than `GRID_RAD`, that may be overlooked; where nothing else is found, only if
+    it is less than `THOROUGH_RAD`."""
+    if enough > 1:
+        return _within(cell, cycles, sweeps, free_stretches(sweeps, rows, turning_rad), enough)[0]
+    free = nearest_free(sweeps, rows, turning_rad)
+    found, lost = _within(cell, cycles, sweeps, free, enough)
+    if not len(lost):
+        return found
+    # Where the tool is free but the arm does not follow, the whole range is searched.
+    wide = np.isin(rows, lost)
+    free = free_stretches(sweeps, rows[wide], turning_rad[wide])
+    more, _ = _within(cell, cycles, sweeps, free, enough)
+    found = join([found.take(~np.isin(found.row, lost)), more])
+    none = np.isin(rows, np.setdiff1d(lost, more.row))
+    if not none.any():
+        return found
+    free = free_stretches(sweeps, rows[none], turning_rad[none], thorough=True)
+    return join([found, _within(cell, cycles, sweeps, free, enough)[0]])
+
+
+def _within(
+    cell: Cell, cycles: Cycles, sweeps: ToolSweeps, free: Stretches, enough: int
+) -> tuple[Candidates, Rows]:
+    """Candidates among free headings; and the holes for which none works on some side, though one
+    behind these might be nearer than what works on the other."""
     if not len(free.row):
-        return assess(cell, cycles, np.empty(0, np.int64), np.empty(0)).candidates
+        return assess(cell, cycles, np.empty(0, np.int64), np.empty(0)).candidates, free.row
     row, side, away, works, found = _on_grid(cell, cycles, free, enough)
+    lost = _lost(free, row, side, away, works.any(axis=1))
     nearest = _nearest(cell, cycles, free, row, side, away, works)
     exact = _exact(sweeps, nearest, free)
     at_edges = assess(cell, cycles, exact[0], exact[1]).candidates
-    return _distinct(join([at_edges, *found]))
+    return _distinct(join([at_edges, *found])), lost
 
 
-# ── stretches of free headings ───────────────────────────────────────────────────────────────────
+def _lost(
+    free: Stretches, row: Rows, side: Floats, away: Floats, good: NDArray[np.bool_]
+) -> Rows:
+    count = int(free.row.max()) + 1
+    begins, works = np.full((2, 2 * count), np.inf)
+    np.minimum.at(begins, 2 * free.row + (free.side > 0), free.low)
+    np.minimum.at(works, 2 * row[good] + (side[good] > 0), away[good])
+    best = works.reshape(count, 2).min(axis=1)
+    lost = np.isinf(works.reshape(count, 2)) & (begins.reshape(count, 2) < best[:, None])
+    return np.flatnonzero(lost.any(axis=1))
 
 
-def _free_stretches(sweeps: ToolSweeps, rows: Rows, turning_rad: Floats) -> _Stretches:
-    """Intervals of headings, on both sides of the rule's, over which the tool is proven clear."""
-    # One task for each hole and side; cells of it are halved together, level by level.
-    row = np.concatenate([rows, rows])
-    side = np.repeat([1.0, -1.0], len(rows))
-    task = np.arange(len(row))
-    width = np.concatenate([turning_rad, turning_rad])
-    low = np.zeros(len(row))
-    nearest = np.full(len(row), np.inf)
-    found: list[tuple[Rows, Floats, Floats]] = []
-    for half in _halves(float(turning_rad.max(initial=0.0))):
-        # Ranges differ between regions: a cell is tested when the common halving reaches its width.
-        now = width > 1.5 * half
-        free = np.zeros(len(task), dtype=np.bool_)
-        blocked = np.zeros(len(task), dtype=np.bool_)
-        middle = side[task] * (low + 0.5 * width)
-        for value in np.unique(width[now]).tolist():
-            some = np.flatnonzero(now & (width == value))
-            free[some] = sweeps.clear(row[task[some]], middle[some], 0.5 * value)
-            rest = some[~free[some]]
-            if value > FINEST_RAD:
-                blocked[rest] = sweeps.blocked(row[task[rest]], middle[rest], 0.5 * value)
-        np.minimum.at(nearest, task[free], low[free])
-        found.append((task[free], low[free], low[free] + width[free]))
-        keep = ~free & ~blocked & (width > FINEST_RAD)
-        keep &= low < nearest[task] + SPREAD_RAD
-        # Behind the nearest free heading a coarse picture is enough.
-        keep &= (low < nearest[task]) | (width > GRID_RAD)
-        split = keep & now
-        task = np.concatenate([np.repeat(task[split], 2), task[keep & ~now]])
-        low = np.concatenate(
-            [
-                np.stack([low[split], low[split] + 0.5 * width[split]], axis=1).ravel(),
-                low[keep & ~now],
-            ]
-        )
-        width = np.concatenate([np.repeat(0.5 * width[split], 2), width[keep & ~now]])
-        if not len(task):
-            break
-    which = np.concatenate([f[0] for f in found])
-    begin, end = (np.concatenate([f[i] for f in found]) for i in (1, 2))
-    order = np.lexsort((begin, which))
-    return _merged(row, side, which[order], begin[order], end[order])
-
-
-def _halves(greatest_rad: float) -> Floats:
-    """Half widths, from half the greatest range down to `FINEST_RAD`."""
-    levels = max(1, int(np.ceil(np.log2(max(greatest_rad / FINEST_RAD, 2.0)))) + 1)
-    return np.asarray(0.5 * greatest_rad * 0.5 ** np.arange(levels))
-
-
-def _merged(row: Rows, side: Floats, task: Rows, low: Floats, high: Floats) -> _Stretches:
-    """Neighbouring cells as one stretch."""
-    if not len(task):
-        return _Stretches(task, np.empty(0), low, high)
-    new = np.ones(len(task), dtype=np.bool_)
-    new[1:] = (task[1:] != task[:-1]) | (low[1:] > high[:-1] + 1e-9)
-    first = np.flatnonzero(new)
-    return _Stretches(
-        row[task[first]], side[task[first]], low[first], np.maximum.reduceat(high, first)
-    )
-
-
-def _grid(free: _Stretches) -> tuple[Rows, Floats, Floats]:
+def _grid(free: Stretches) -> tuple[Rows, Floats, Floats]:
     """Headings of every stretch: its nearer end, its farther end, and a grid between them."""
-    number = 1 + np.ceil((free.high - free.low) / GRID_RAD).astype(np.int64)
+    number = 1 + np.ceil((free.high - free.low) / free.grid_rad).astype(np.int64)
     which = np.repeat(np.arange(len(free.row)), number)
     place = np.arange(len(which)) - np.repeat(np.cumsum(number) - number, number)
     share = place / np.maximum(1, number - 1)[which]
@@ -145,7 +107,7 @@ def _grid(free: _Stretches) -> tuple[Rows, Floats, Floats]:
 
 
 def _on_grid(
-    cell: Cell, cycles: Cycles, free: _Stretches, enough: int
+    cell: Cell, cycles: Cycles, free: Stretches, enough: int
 ) -> tuple[Rows, Floats, Floats, NDArray[np.bool_], list[Candidates]]:
     """Assess the grid outwards, on each side of each hole until `enough` headings work: the
     headings that were assessed (row, side, away, which branches work), and the candidates."""
@@ -160,10 +122,11 @@ def _on_grid(
     seen = np.zeros(len(row), dtype=np.bool_)
     works = np.zeros((len(row), 8), dtype=np.bool_)
     found: list[Candidates] = []
+    at_once = max(enough, round(GRID_RAD / free.grid_rad))
     wave = 0
     while True:
-        some = np.flatnonzero((place // enough == wave) & (working[task] < enough))
-        if not len(some) and wave * enough > place.max(initial=0):
+        some = np.flatnonzero((place // at_once == wave) & (working[task] < enough))
+        if not len(some) and wave * at_once > place.max(initial=0):
             return row[seen], side[seen], away[seen], works[seen], found
         result = assess(cell, cycles, row[some], side[some] * away[some])
         seen[some] = True
@@ -176,7 +139,7 @@ def _on_grid(
 def _nearest(
     cell: Cell,
     cycles: Cycles,
-    free: _Stretches,
+    free: Stretches,
     row: Rows,
     side: Floats,
     away: Floats,
@@ -210,28 +173,38 @@ def _nearest(
     return row[first], side[first], best
 
 
-def _stretch_low(free: _Stretches, row: Rows, side: Floats, away: Floats) -> Floats:
+def _stretch_low(free: Stretches, row: Rows, side: Floats, away: Floats) -> Floats:
     """Where the free stretch around each heading begins."""
+    count = len(free.row)
+    begin = np.concatenate([free.low, away + 1e-12])
+    asked = np.arange(len(begin)) >= count
+    order = np.lexsort(
+        (asked, begin, np.concatenate([free.side, side]), np.concatenate([free.row, row]))
+    )
+    # In this order, the last stretch before a heading is the one around it.
+    last = np.maximum.accumulate(np.where(asked[order], 0, np.arange(len(order))))
     low = np.empty(len(row))
-    for i in range(len(row)):
-        inside = (free.row == row[i]) & (free.side == side[i])
-        inside &= (free.low <= away[i] + 1e-12) & (free.high >= away[i] - 1e-12)
-        low[i] = free.low[inside].max()
+    low[order[asked[order]] - count] = begin[order[last[asked[order]]]]
     return low
 
 
 def _exact(
-    sweeps: ToolSweeps, nearest: tuple[Rows, Floats, Floats], free: _Stretches
+    sweeps: ToolSweeps, nearest: tuple[Rows, Floats, Floats], free: Stretches
 ) -> tuple[Rows, Floats]:
     """Where the nearest heading is at the tool's edge of freedom: the sweeps' hulls and the finest
     interval leave something over; the exact distance tells how much nearer the heading may be."""
     row, side, away = nearest
     heading = side * away
     begins = _stretch_low(free, row, side, away)
-    for i in np.flatnonzero((away <= begins + 1e-12) & (away > 0)).tolist():
-        clear, near = away[i], max(0.0, away[i] - 8 * FINEST_RAD)
+    at_edge = (away <= begins + 1e-12) & (away > 0)
+    # The other side, if it is farther away, needs no such care.
+    least = np.full(int(row.max(initial=0)) + 1, np.inf)
+    np.minimum.at(least, row, away)
+    for i in np.flatnonzero(at_edge & (away <= least[row] + _OVER_RAD)).tolist():
+        clear, near = away[i], max(0.0, away[i] - _OVER_RAD)
         while clear - near > 0.25 * FINEST_RAD:
-            middle = 0.5 * (clear + near)
+            # The edge is within the first quarter as a rule.
+            middle = max(0.5 * (clear + near), clear - 0.25 * _OVER_RAD)
             if sweeps.gap_mm(int(row[i]), side[i] * middle)[0] >= 0.0:
                 clear = middle
             else:

@@ -57,10 +57,15 @@ class Hits:
 
 
 def find_hits(
-    cell: Cell, sampled: Sampled, rows: NDArray[np.int64], movers: tuple[Mover, ...]
+    cell: Cell,
+    sampled: Sampled,
+    rows: NDArray[np.int64],
+    movers: tuple[Mover, ...],
+    stretches: int = _FIRST,
 ) -> Hits:
     """Prove the moves `rows` clear of every guard by its region's clearance, less `LEAST_GAP_MM`;
-    what cannot be proven at the finest growth is a hit."""
+    what cannot be proven at the finest growth is a hit. The proof begins with so many `stretches`
+    of each."""
     guard = np.full(len(rows), -1, dtype=np.int32)
     mover_at = np.full(len(rows), -1, dtype=np.int32)
     share = np.full(len(rows), np.nan)
@@ -74,7 +79,9 @@ def find_hits(
         open_ = np.flatnonzero((guard < 0) & np.isfinite(clearance_mm))
         for start in range(0, len(open_), _BLOCK):
             some = open_[start : start + _BLOCK]
-            found = _first_hits(cell, sampled, rows[some], clearance_mm[some], moving, wanted)
+            found = _first_hits(
+                cell, sampled, rows[some], clearance_mm[some], moving, wanted, stretches
+            )
             hit = found.mover >= 0
             guard[some[hit]] = g
             mover_at[some[hit]] = found.mover[hit]
@@ -113,15 +120,16 @@ def _first_hits(
     clearance_mm: Floats,
     moving: list[_Moving],
     guard: Guard,
+    stretches: int,
 ) -> Hits:
     """Halve what is not proven, all moves together; of the stretches that cannot be, the one
     nearest to the start is told, by its middle."""
     mover_at = np.full(len(rows), -1, dtype=np.int32)
     first = np.full(len(rows), np.inf)  # where that stretch begins
     share = np.full(len(rows), np.nan)
-    which = np.repeat(np.arange(len(rows)), _FIRST)  # stretch → move
-    low = np.tile(np.arange(_FIRST) / _FIRST, len(rows))
-    high = low + 1.0 / _FIRST
+    which = np.repeat(np.arange(len(rows)), stretches)  # stretch → move
+    low = np.tile(np.arange(stretches) / stretches, len(rows))
+    high = low + 1.0 / stretches
     while len(which):
         middle = 0.5 * (low + high)
         ends = [_places(cell, sampled, rows[which], s) for s in (low, high)]

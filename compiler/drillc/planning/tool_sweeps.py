@@ -7,6 +7,7 @@ interval of headings free. A body that every heading of the interval contains pr
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,8 +25,6 @@ Bools = NDArray[np.bool_]
 #: Depths of a table are rounded up to whole multiples of this, where there are many.
 DEPTH_STEP_MM = 2.0
 MANY_DEPTHS = 4
-#: What the outer shape of a grown body may stand out, as a share of the growth.
-_EXCESS = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,20 +40,39 @@ class ToolSweeps:
     def hulls(self) -> tuple[RoundedHull, ...]:
         return next(mover.hulls for mover in self.cell.movers if mover.link == TOOL)
 
-    def clear(self, row: NDArray[np.int64], heading_rad: Floats, half_rad: float = 0.0) -> Bools:
-        """Whether every heading within `half_rad` of `heading_rad` (k,) is proven free (k,)."""
-        return self._test(row, heading_rad, half_rad, inner=False)
+    def clear(
+        self,
+        row: NDArray[np.int64],
+        heading_rad: Floats,
+        half_rad: float = 0.0,
+        *,
+        exact: bool = True,
+    ) -> Bools:
+        """Whether every heading within `half_rad` of `heading_rad` (k,) is proven free (k,); without
+        `exact` fewer are, but quicker."""
+        result = np.ones(len(row), dtype=np.bool_)
+        for g in range(len(self.cell.guards)):
+            open_ = np.flatnonzero(result)
+            result[open_] = self._clear_of(g, row[open_], heading_rad[open_], half_rad, exact)
+        return result
 
     def blocked(self, row: NDArray[np.int64], heading_rad: Floats, half_rad: float) -> Bools:
         """Whether every heading within `half_rad` (k,) is surely not free."""
-        return ~self._test(row, heading_rad, half_rad, inner=True)
+        result = np.zeros(len(row), dtype=np.bool_)
+        rotation, position_mm = self._places(row, heading_rad)
+        for g, guard in enumerate(self.cell.guards):
+            for some, key in self._alike(g, row, ~result):
+                probe = self._probe(*key, half_rad, inner=True)
+                if probe is not None:
+                    result[some] = guard.obstacles.meets(probe, rotation[some], position_mm[some])
+        return result
 
     def hit(self, row: NDArray[np.int64], heading_rad: Floats) -> NDArray[np.int32]:
         """Which guard the tool is not proven clear of (k,); -1: none."""
         found = np.full(len(row), -1, dtype=np.int32)
         for g in range(len(self.cell.guards)):
             open_ = np.flatnonzero(found < 0)
-            clear = self._test(row[open_], heading_rad[open_], 0.0, inner=False, only=g)
+            clear = self._clear_of(g, row[open_], heading_rad[open_], 0.0, exact=True)
             found[open_[~clear]] = g
         return found
 
@@ -72,41 +90,50 @@ class ToolSweeps:
         for g, guard in enumerate(self.cell.guards):
             clearance = float(guard.clearance_mm[self.cycles.region[row]])
             if np.isfinite(clearance):
-                gap, _ = guard.obstacles.gap_mm(self._probes[key], rotation, at_mm)
+                gap, _ = guard.obstacles.gap_mm(
+                    self._probes[key], rotation, at_mm, beyond_mm=least + clearance
+                )
                 if gap - clearance < least:
                     least, which = gap - clearance, g
         return float(least), which
 
-    def _test(
+    def _clear_of(
         self,
+        guard: int,
         row: NDArray[np.int64],
         heading_rad: Floats,
         half_rad: float,
-        *,
-        inner: bool,
-        only: int | None = None,
+        exact: bool,
     ) -> Bools:
-        """Proven clear of all guards (of guard `only`); `inner`: of what no heading can avoid."""
+        """As `clear`, but of one guard only."""
         result = np.ones(len(row), dtype=np.bool_)
-        if not len(row) or not self.cell.guards:
-            return result
-        rotation = self.cycles.turned(row, heading_rad)
-        position_mm = self.cycles.position_mm[row]
-        out, depth = self.cycles.out_mm[row], self.depth_mm[row]
-        for g, guard in enumerate(self.cell.guards):
-            if only is not None and g != only:
-                continue
-            clearance = guard.clearance_mm[self.cycles.region[row]]
-            asked = np.stack([out, depth, clearance], axis=1)
-            for key in np.unique(asked[np.isfinite(clearance)], axis=0).tolist():
-                some = np.flatnonzero(result & (asked == key).all(axis=1))
-                probe = self._probe(key[0], key[1], key[2], half_rad, inner)
-                if probe is not None and len(some):
-                    result[some] = guard.obstacles.clear(probe, rotation[some], position_mm[some])
+        obstacles = self.cell.guards[guard].obstacles
+        rotation, position_mm = self._places(row, heading_rad)
+        for some, key in self._alike(guard, row, result.copy()):
+            probe = self._probe(*key, half_rad, inner=False)
+            if probe is not None:
+                at = rotation[some], position_mm[some]
+                result[some] = obstacles.clear(probe, *at, exact=exact)
         return result
 
+    def _places(self, row: NDArray[np.int64], heading_rad: Floats) -> tuple[Floats, Floats]:
+        return self.cycles.turned(row, heading_rad), self.cycles.position_mm[row]
+
+    def _alike(
+        self, guard: int, row: NDArray[np.int64], wanted: Bools
+    ) -> Iterator[tuple[NDArray[np.int64], tuple[float, float, float]]]:
+        """Those of the holes (k,) that are `wanted` (k,) and keep away from a guard, by what they
+        ask for: how far the tool goes out and in, and how much clearance."""
+        clearance = self.cell.guards[guard].clearance_mm[self.cycles.region[row]]
+        asked = np.stack([self.cycles.out_mm[row], self.depth_mm[row], clearance], axis=1)
+        keys, which = np.unique(asked, axis=0, return_inverse=True)
+        for number, (out, depth, keep) in enumerate(keys.tolist()):
+            some = np.flatnonzero((which.ravel() == number) & wanted)
+            if np.isfinite(keep) and len(some):
+                yield some, (out, depth, keep)
+
     def _probe(
-        self, out_mm: float, depth_mm: float, growth_mm: float, half_rad: float, inner: bool
+        self, out_mm: float, depth_mm: float, growth_mm: float, half_rad: float, *, inner: bool
     ) -> Probe | None:
         key = (out_mm, depth_mm, growth_mm, half_rad, float(inner))
         if key not in self._probes:
@@ -135,7 +162,7 @@ def _within(hull: RoundedHull, growth_mm: float, half_rad: float) -> RoundedHull
     farther than its lever times the angle, so that much is taken off all round. None: nothing is
     left."""
     lever_mm = float(np.hypot(hull.points_mm[:, 0], hull.points_mm[:, 1]).max()) + hull.radius_mm
-    radius = hull.radius_mm + (1.0 - _EXCESS) * growth_mm - lever_mm * half_rad
+    radius = hull.radius_mm + growth_mm - lever_mm * half_rad
     if radius >= 0.0:
         return RoundedHull(hull.points_mm, radius)
     centre = hull.points_mm.mean(axis=0)
