@@ -36,7 +36,7 @@ _LEAST_MOVE = "0.00001"
 
 #: How far the tool's point may leave its axis, and any point of arm and tool a straight travel,
 #: between two places at which the joints are exact.
-ON_AXIS_MM, ON_TRAVEL_MM = 0.01, 0.25
+ON_AXIS_MM, ON_TRAVEL_MM = 0.01, 0.1
 
 #: The number of steps is in the first parameter, the joints at their ends in those after it.
 FIRST_PARAMETER = 100

@@ -237,10 +237,10 @@ robot arm1 arm { model kuka_kr210_r3100_2
   station one frame 1 at (0, -1800, 0) mm rotate z 90 deg
   station two frame 2 at (0, -1800, 100) mm rotate z 90 deg
   home { A1 0 deg  A2 -90 deg  A3 90 deg  A4 0 deg  A5 30 deg  A6 0 deg } }
-region r { station one  posture x horizontal toward +X
-           points mm { A (300, 67, 850) normal (0, 0.866, -0.5) } }
-region s { station two  posture x horizontal toward +X
-           points mm { B (300, 67, 350) normal (0, 0.866, 0.5) } }
+region r { station one  posture x horizontal toward +X  turning within 180 deg
+           points mm { A (300, 67, 1250) normal (0, 0.866, -0.5) } }
+region s { station two  posture x horizontal toward +X  turning within 180 deg
+           points mm { B (300, 67, 750) normal (0, 0.866, 0.5) } }
 emit krl
 """
     _, report = attempted(tmp_path, text)

@@ -32,8 +32,9 @@ class Accepts:
     """What a controller can be told. Whatever is not accepted is refused before `check`.
 
     `poses` and `joints` are the two kinds of program. `arms` are the makers whose arms the post
-    programs, "other" among them if it programs those of any other maker too; a program in poses
-    for an arm is refused where there are none, because it needs its vias made too. `joint_feed`: a
+    programs, "other" among them if it programs those of any other maker too; a program for an arm
+    is refused where there are none, because it needs its vias made too. A post that takes no poses
+    programs an arm by its joints, and an axis map is asked for. `joint_feed`: a
     program in joints can feed a drill in mm/s. `spindle`: the language has words for it ("native"),
     or it is switched through the signals `spindle_on` and `spindle_speed`. `axes` are the names
     that an axis map may use, as they are written in the output (a spec may write them in any case).
@@ -75,8 +76,8 @@ class Task:
     """One program to be emitted by one post.
 
     `settings` has a value for every option of the post. `axes` has the controller's axis for each
-    joint of `program.motion`, in order; it is empty for a program in poses, and in `check` when the
-    axis map itself is wrong.
+    joint of `program.motion`, or of an arm that is programmed by its joints, in order; it is empty
+    for a program in poses, and in `check` when the axis map itself is wrong.
     """
 
     program: Program
