@@ -36,7 +36,7 @@ _LEAST_MOVE = "0.00001"
 
 #: How far the tool's point may leave its axis, and any point of arm and tool a straight travel,
 #: between two places at which the joints are exact.
-ON_AXIS_MM, ON_TRAVEL_MM = 0.01, 0.1
+ON_AXIS_MM, ON_TRAVEL_MM = 0.01, 0.25
 
 #: The number of steps is in the first parameter, the joints at their ends in those after it.
 FIRST_PARAMETER = 100
@@ -177,7 +177,7 @@ def warn_of_lengths(task: Task, report: Report) -> None:
         "W650",
         f"joints {', '.join(joints)} turn, but {', '.join(lengths)} are lengths: their degrees are"
         f" written as plain numbers, while {', '.join(left)} {'is' if len(left) == 1 else 'are'}"
-        " left",
+        " free",
         mapped[lengths[0]][1].span,
         hint="X Y Z U V W are lengths and A B C angles, unless the machine's configuration says"
         " otherwise",
@@ -225,12 +225,11 @@ def _loaded(joints: Sequence[Sequence[str]]) -> str:
 
 
 def _driven(joints: Sequence[Sequence[str]], seconds: Iterator[float]) -> str:
-    """A call for each step; without a stop at any but the last.
+    """A call for each step. The arm stops after each (G61): where LinuxCNC goes round the corner
+    between two such steps (G64), it is up to half as fast again as it is told.
 
     >>> print(_driven([["1.0", "2.0"], ["1.5", "2.5"]], iter([0.5, 0.25])), end="")
-    G64
     o<_go> call [1.0] [2.0] [0.500000]
-    G61
     o<_go> call [1.5] [2.5] [0.250000]
     """
     calls = []
@@ -238,4 +237,4 @@ def _driven(joints: Sequence[Sequence[str]], seconds: Iterator[float]) -> str:
         places = " ".join(f"[{q}]" for q in row)
         time = fixed(max(next(seconds), _LEAST_S), TIME_DECIMALS)
         calls.append(f"o<_go> call {places} [{time}]\n")
-    return calls[0] if len(calls) == 1 else "".join(["G64\n", *calls[:-1], "G61\n", calls[-1]])
+    return "".join(calls)

@@ -173,13 +173,14 @@ def pecks(step: Plunge, depth: float) -> Iterator[tuple[float, float]]:
 @dataclass(frozen=True)
 class Followed:
     """How far the tool's point left its line, mm, into holes and on travels; how far it was turned
-    away, rad; and after how many moves each token was due."""
+    away, rad; after how many moves each token was due; and after which moves, from 0, the arm is to
+    stand: all of a travel, and the last one of each line."""
 
     into_mm: float
     travel_mm: float
     turned_rad: float
     tokens: tuple[tuple[int, str], ...]
-    ends: frozenset[int]  # the moves with which a line ends, from 0
+    stops: frozenset[int]
 
 
 def follow(moves: Sequence[Move], program: Program, machine: Machine) -> Followed:
@@ -187,7 +188,7 @@ def follow(moves: Sequence[Move], program: Program, machine: Machine) -> Followe
     place, done = moves[0].place, 0
     into, travel, turned = [0.0], [0.0], [0.0]
     tokens: list[tuple[int, str]] = []
-    ends: set[int] = set()
+    stops: set[int] = set()
     for want in wanted(program):
         if isinstance(want, Token):
             tokens.append((done, want.text))
@@ -208,11 +209,11 @@ def follow(moves: Sequence[Move], program: Program, machine: Machine) -> Followe
                 (travel if want.travel else into).append(apart_mm)
                 turned.append(turned_rad)
                 place = move.place
-                if _arrived(machine, place, want):
-                    ends.add(done)
+                if want.travel or _arrived(machine, place, want):
+                    stops.add(done)
                 done += 1
     assert done == len(moves), f"too much: {moves[done]}"
-    return Followed(max(into), max(travel), max(turned), tuple(tokens), frozenset(ends))
+    return Followed(max(into), max(travel), max(turned), tuple(tokens), frozenset(stops))
 
 
 def _arrived(machine: Machine, place: Mapping[str, float], line: Line) -> bool:

@@ -245,9 +245,8 @@ def test_by_way_of_home():
     check_drive(scene, cycles, chosen, vias)
 
 
-def test_a_leg_without_a_way_is_told_with_why_its_plainest_way_fails():
-    """Walls all around two holes: the tool can go between them, but neither in nor out."""
-    low, high = np.array([1300.0, -400, 800]), np.array([1950.0, 400, 1600])
+def walls_around(low, high):
+    """Thin walls around a room, but for the side of the part."""
     walls = []
     for axis, bound, out in (
         (0, low, -10),
@@ -259,7 +258,15 @@ def test_a_leg_without_a_way_is_told_with_why_its_plainest_way_fails():
         one, other = low.copy(), high.copy()
         one[axis], other[axis] = sorted((bound[axis], bound[axis] + out))
         walls.append(Box(tuple(one), tuple(other)))
-    scene = SCENE.with_(guards=(tuple(walls),), clearance=((2.0, 2.0),), links=False, home=None)
+    return tuple(walls)
+
+
+def test_a_leg_without_a_way_is_told_with_why_its_plainest_way_fails():
+    """Walls all around two holes: the tool can go between them, but neither in nor out."""
+    low, high = np.array([1300.0, -400, 800]), np.array([1950.0, 400, 1600])
+    scene = SCENE.with_(
+        guards=(walls_around(low, high),), clearance=((2.0, 2.0),), links=False, home=None
+    )
     cycles = holes([(1900, y, 1200) for y in (-700, 0, 100, 800)])
     chosen = chosen_of(scene, cycles)
     _, blocked, legs = planned(scene, cycles, chosen)
@@ -269,6 +276,17 @@ def test_a_leg_without_a_way_is_told_with_why_its_plainest_way_fails():
         assert lost.verdict.cause.tolist() == [HIT]
     # The plainest way of the first is straight: its side wall, 300 mm along 700, is what it meets.
     assert 0.25 < blocked[0].verdict.share[0] < 0.6
+
+
+def test_home_is_of_no_use_where_only_the_way_from_it_is_clear():
+    """The first hole is in a box; the second is not."""
+    low, high = np.array([1300.0, -400, 800]), np.array([1950.0, 400, 1600])
+    scene = SCENE.with_(guards=(walls_around(low, high),), clearance=((2.0, 2.0),), links=False)
+    scene = scene.with_(home=np.radians([0, -140, 160, 0, 60, 0]))
+    cycles = holes([(1900, 0, 1200), (1500, 1300, 1200)])
+    chosen = chosen_of(scene, cycles)
+    _, blocked, _ = planned(scene, cycles, chosen)
+    assert [lost.leg for lost in blocked] == [0, 1]
 
 
 @pytest.mark.parametrize("seed", range(6))

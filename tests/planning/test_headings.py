@@ -120,9 +120,13 @@ def test_the_nearest_free_heading_is_that_of_a_dense_search(name, clearance):
     scene = FREE.with_(guards=(tuple(SCENES[name]),), clearance=((clearance, 2.0),))
     cycles = hole()
     assert not tool_is_free(scene, cycles, 0, 0.0)
-    expected = dense(scene, cycles, np.pi)
-    found = nearest(search(scene, cycles, 180))
-    assert min(found) == pytest.approx(min(expected), abs=2 * FINEST_RAD)
+    expected = min(dense(scene, cycles, np.pi))
+    found = min(nearest(search(scene, cycles, 180)))
+    assert found == pytest.approx(expected, abs=2 * FINEST_RAD)
+    # Exact distances decide at the edge: a little nearer, fcl finds it too near.
+    headings = {h for h in search(scene, cycles, 180).heading_rad if abs(h) == found}
+    nearer = [h - np.sign(h) * 0.5 * FINEST_RAD for h in headings]
+    assert not all(tool_is_free(scene, cycles, 0, h, step_mm=0.5) for h in nearer)
     # Every one of them is free.
     slack = scene.with_(clearance=((clearance - 0.05, 2.0),))
     for heading in np.unique(search(scene, cycles, 180).heading_rad):

@@ -7,7 +7,7 @@ import pytest
 from drillc.planning.cell import LEAST_GAP_MM, TOOL
 from drillc.planning.moves import FINE, HIT, joint_moves, sample, straight_moves
 from drillc.planning.proofs import FINEST_MM, check_moves, find_hits
-from planning.arm_scenes import Box, Capsule, Scene, Sphere, line, turn
+from planning.arm_scenes import HIGH, LOW, Box, Capsule, Scene, Sphere, line, turn
 
 #: Where fcl's iterations end, on either side.
 EXACT_MM = 0.05
@@ -134,13 +134,16 @@ def test_a_wall_beside_a_straight_way(gap_mm):
 
 
 @pytest.mark.parametrize("joint", [3, 5])
-def test_whole_turns_of_a_wrist_joint_sweep_all_that_is_around(joint):
-    """From nearly a turn one way to nearly one the other: the places where the move begins, is
-    halfway and ends are much alike, and a ball stands where the tool's outrigger passes between."""
+@pytest.mark.parametrize("turns", [0.97, 16.0])
+def test_whole_turns_of_a_wrist_joint_sweep_all_that_is_around(joint, turns):
+    """The places where the move begins, is halfway and ends are much alike, and so are those at the
+    ends of many halves of it; a ball stands where the tool's outrigger passes between."""
     start = np.radians([0, -90, 90, 0, 30, 0])
     stop = start.copy()
-    start[joint], stop[joint] = np.radians([-349, 349])
-    scene = Scene(body=BODY, links=False)
+    start[joint], stop[joint] = -2 * np.pi * turns, 2 * np.pi * turns
+    low, high = LOW.copy(), HIGH.copy()
+    low[joint], high[joint] = start[joint], stop[joint]
+    scene = Scene(body=BODY, links=False, low=low, high=high)
     opposite = start.copy()
     opposite[joint] = np.radians(170)
     tip = (scene.flange(opposite[None])[0] @ [180, 0, 150, 1])[:3]
@@ -150,6 +153,29 @@ def test_whole_turns_of_a_wrist_joint_sweep_all_that_is_around(joint):
     assert guarded.gaps_mm(opposite[None]).min() < 0
     verdict = check_moves(guarded.cell(), by_joints(start, stop))
     assert verdict.cause.tolist() == [HIT]
+
+
+@pytest.mark.parametrize("kind", ["straight", "by joints"])
+def test_nothing_on_the_way_is_too_small_to_be_met(kind):
+    """A thin tool meets a grain wherever it lies on the way of one of its points."""
+    scene = Scene(links=False, body=(Capsule((0, 0, 100), (0, 0, 200), 1.0),))
+    if kind == "straight":
+        pose = scene.tool(START[None])[0].copy()
+        pose[:3, 3] += [-100, 250, 120]
+        pose[:3, :3] = pose[:3, :3] @ turn("xyz", 10, 15, -20)
+        moves = straight(scene, START, pose)
+        way = scene.follow(START, line(scene.tool(START[None])[0], pose))
+    else:
+        stop = START + np.array([0.5, 0.1, -0.2, 0.8, 0.3, 0.4])
+        moves, way = by_joints(START, stop), walk_joints(scene, START, stop)
+    rng = np.random.default_rng(0)
+    flange = scene.flange(way)
+    for row in rng.integers(0, len(way), 40):
+        at = flange[row] @ [0, 0, rng.uniform(100, 200), 1]
+        grain = scene.with_(guards=((Sphere(tuple(at[:3]), 0.5),),), clearance=((2.0, 2.0),))
+        verdict = check_moves(grain.cell(), moves)
+        assert verdict.cause.tolist() == [HIT]
+        assert verdict.share[0] == pytest.approx(row / (len(way) - 1), abs=0.02)
 
 
 def test_joints_that_swing_out_and_back_are_seen_out_there():

@@ -293,8 +293,9 @@ class PostureRule:
 
 @dataclass(frozen=True, eq=False)
 class Avoid:
-    """A fixture (index into Job.fixtures; None: the part's own surface) that tool and arm keep
-    `clearance_mm` away from during the whole cycle and on the way to it."""
+    """A fixture (index into Job.fixtures; None: the part's own surface) that the tool keeps
+    `clearance_mm` away from during the whole cycle. The arm's links, and both on the way to the
+    hole, may come nearer by up to `planning.cell.LEAST_GAP_MM`."""
 
     fixture: int | None
     clearance_mm: float
@@ -418,7 +419,7 @@ class Emit:
 class Weights:
     """What a sequence's cost is made of, in seconds: per radian by which a heading leaves the
     rule's, per second of joint travel at full speed (summed over the joints), and for closeness to
-    limits and singularity (a candidate whose margin is half used up costs about one second)."""
+    limits and to the wrist's singularity (`planning.sequence.closeness`, 0 to 1 for each)."""
 
     deviation: float = 10.0
     travel: float = 1.0

@@ -77,16 +77,14 @@ def _within(
     if not len(free.row):
         return assess(cell, cycles, np.empty(0, np.int64), np.empty(0)).candidates, free.row
     row, side, away, works, found = _on_grid(cell, cycles, free, enough)
-    lost = _lost(free, row, side, away, works.any(axis=1))
+    lost = _lost(free, row, side, away, np.asarray(works.any(axis=1)))
     nearest = _nearest(cell, cycles, free, row, side, away, works)
     exact = _exact(sweeps, nearest, free)
     at_edges = assess(cell, cycles, exact[0], exact[1]).candidates
     return _distinct(join([at_edges, *found])), lost
 
 
-def _lost(
-    free: Stretches, row: Rows, side: Floats, away: Floats, good: NDArray[np.bool_]
-) -> Rows:
+def _lost(free: Stretches, row: Rows, side: Floats, away: Floats, good: NDArray[np.bool_]) -> Rows:
     count = int(free.row.max()) + 1
     begins, works = np.full((2, 2 * count), np.inf)
     np.minimum.at(begins, 2 * free.row + (free.side > 0), free.low)

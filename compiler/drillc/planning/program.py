@@ -185,7 +185,8 @@ class ArmMotion:
 
     `joints` (n, 6) with the tool at the hole's surface, `standoff_joints` (n, 6) where its cycle
     begins (depth -approach). With the vias, they say which of the arm's branches is meant. The
-    first hole of every section is reached by a via with `by_joints` that ends at its standoff.
+    first hole of every section is reached by a via with `by_joints` that ends at its standoff, or
+    farther out on the hole's axis, from where the cycle's own first move leads straight in.
     """
 
     arm: Arm

@@ -48,8 +48,8 @@ class ToolSweeps:
         *,
         exact: bool = True,
     ) -> Bools:
-        """Whether every heading within `half_rad` of `heading_rad` (k,) is proven free (k,); without
-        `exact` fewer are, but quicker."""
+        """Whether every heading within `half_rad` of `heading_rad` (k,) is proven free (k,).
+        Without `exact` fewer are proven, but quicker."""
         result = np.ones(len(row), dtype=np.bool_)
         for g in range(len(self.cell.guards)):
             open_ = np.flatnonzero(result)
