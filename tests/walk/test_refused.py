@@ -89,7 +89,18 @@ def headings(step_deg):
     return [0.0, *np.stack([away, -away], axis=1).ravel().tolist()]
 
 
-@pytest.mark.parametrize("name", TROUBLES)
+#: More than a minute each: every heading of many holes is out of the arm's reach.
+LONG_TROUBLES = ("parked too far away", "a forearm that hardly turns")
+
+
+def test_all_troubles_are_tried():
+    assert set(TROUBLES) == {"a clamp over three holes", *LONG_TROUBLES}
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["a clamp over three holes", *(pytest.param(n, marks=pytest.mark.slow) for n in LONG_TROUBLES)],
+)
 def test_the_refused_holes_are_those_that_cannot_be_made(tmp_path, capsys, name):
     trouble, rows = TROUBLES[name], aft_holes()
     path = variant(tmp_path, trouble, rows)

@@ -24,6 +24,9 @@ from drillc.planning.moves import HIT, Bools, Moves, Sampled, Verdict, joints_at
 #: By how much a body is grown to stand for a stretch of a move: the next of these above its motion.
 _GROWTHS_MM = np.array([1.5, 4.0, 10.0, 25.0, 60.0, 150.0])
 FINEST_MM = float(_GROWTHS_MM[0])
+#: What every move keeps beside its clearance, because a controller does not follow it to the last
+#: digit: the printed numbers are rounded, and a program in joints goes in short chords.
+OFF_THE_WAY_MM = 0.3
 #: On a straight move of the tool, the joints' own acceleration is measured at three places of a
 #: stretch, and may be so many times greater between.
 _UNEVEN = 2.0
@@ -63,7 +66,7 @@ def find_hits(
     movers: tuple[Mover, ...],
     stretches: int = _FIRST,
 ) -> Hits:
-    """Prove the moves `rows` clear of every guard by its region's clearance, less `LEAST_GAP_MM`;
+    """Prove the moves `rows` clear of every guard by its region's clearance less `LEAST_GAP_MM`;
     what cannot be proven at the finest growth is a hit. The proof begins with so many `stretches`
     of each."""
     guard = np.full(len(rows), -1, dtype=np.int32)
@@ -143,7 +146,7 @@ def _first_hits(
             ) + _bulge_mm(body, sampled.moves, rows[which], 0.5 * (high - low), at, ends)
             level = np.searchsorted(_GROWTHS_MM, motion_mm)
             blocked = level >= len(_GROWTHS_MM)
-            asked_mm = np.maximum(0.0, clearance_mm[which] - LEAST_GAP_MM)
+            asked_mm = np.maximum(0.0, clearance_mm[which] - LEAST_GAP_MM) + OFF_THE_WAY_MM
             growth = asked_mm + _GROWTHS_MM[np.minimum(level, len(_GROWTHS_MM) - 1)]
             for exact in (False, True):  # exact where no shorter stretch will be asked
                 todo = np.flatnonzero(~blocked & ~split & ((level == 0) == exact))
