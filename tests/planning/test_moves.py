@@ -272,3 +272,27 @@ def test_many_moves_are_judged_as_each_alone():
     fine = together.cause == FINE
     ends = np.concatenate([v.end_joints for v in alone])
     np.testing.assert_allclose(together.end_joints[fine], ends[fine], atol=1e-9)
+
+
+def test_a_limit_between_two_samples_is_seen():
+    """Limits that the samples just keep, but the way between them does not."""
+    rng = np.random.default_rng(11)
+    overstepped = 0
+    for _ in range(120):
+        joints, pose = random_straight(rng)
+        moves, _ = straight(SCENE, joints, pose)
+        sampled, verdict = sample(CELL, moves)
+        if verdict.cause[0] not in (FINE, LIMIT) or len(sampled.joints) < 3:
+            continue
+        shares = np.linspace(0.0, 1.0, 40 * len(sampled.joints))
+        way = joints_at(CELL, sampled, np.zeros(len(shares), np.int64), shares)
+        tight = replace(
+            CELL,
+            low_rad=sampled.joints.min(axis=0) - 1e-7,
+            high_rad=sampled.joints.max(axis=0) + 1e-7,
+        )
+        beyond = max((tight.low_rad - way).max(), (way - tight.high_rad).max())
+        if beyond > 2e-6:
+            overstepped += 1
+            assert sample(tight, moves)[1].cause[0] == LIMIT
+    assert overstepped > 10

@@ -18,6 +18,7 @@ from drillc.kernels.turns import all_turns
 from drillc.language.job import Floats, Ints, Job
 from drillc.planning.cell import TOOL, Cell
 from drillc.planning.moves import (
+    BULGE,
     FINE,
     HIT,
     JUMP,
@@ -177,7 +178,8 @@ def _assess(
     bend = np.nanmin(
         np.where(lost[:, None], np.inf, singularity(cell.geometry, path).wrist_rad), axis=1
     )
-    low, high = everywhere.min(axis=1), everywhere.max(axis=1)  # (k, 8, 6)
+    bulge = np.abs(np.diff(path, n=2, axis=1)).max(axis=1, initial=0.0) * BULGE
+    low, high = everywhere.min(axis=1) - bulge, everywhere.max(axis=1) + bulge  # (k, 8, 6)
     over, joint = _overstep(cell, low, high)
     outside = over > SLACK_RAD
     cause = np.zeros((len(path), 8), dtype=np.int32)

@@ -25,6 +25,8 @@ STEP_MM, STEP_RAD = 20.0, np.radians(2.0)
 JUMP_RAD = 0.5
 #: A move by joints is sampled at least so densely.
 JOINT_STEP_RAD = np.radians(5.0)
+#: A parabola through three samples rises by this share of its second difference between two.
+BULGE = 0.125
 #: What a joint may overstep a limit by, and a given place be missed by: rounding.
 SLACK_RAD = 1e-9
 CLOSURE_RAD = 1e-6
@@ -198,11 +200,11 @@ def _judge(
     cause = np.zeros(len(row), dtype=np.int32)
     detail = np.zeros(len(row), dtype=np.int32)
     lost = np.asarray(np.isnan(joints).any(axis=1))
-    over = np.maximum(cell.low_rad - joints, joints - cell.high_rad)
-    worst = np.nanmax(np.where(lost[:, None], -np.inf, over), axis=1, initial=-np.inf)
-    outside = np.asarray(worst > SLACK_RAD)
     begins = np.zeros(len(row), dtype=np.bool_)
     begins[first[:-1]] = True
+    over = np.maximum(cell.low_rad - joints, joints - cell.high_rad) + _bulge_rad(step, begins)
+    worst = np.nanmax(np.where(lost[:, None], -np.inf, over), axis=1, initial=-np.inf)
+    outside = np.asarray(worst > SLACK_RAD)
     jump = np.where(np.isnan(step), 0.0, np.abs(step)).max(axis=1, initial=0.0)
     jumps = np.asarray(~turning & np.where(begins, jump > CLOSURE_RAD, jump > JUMP_RAD))
     bend = np.full(len(row), np.inf)
@@ -235,6 +237,19 @@ def _judge(
         detail[at],
         end,
     )
+
+
+def _bulge_rad(step: Floats, begins: Bools) -> Floats:
+    """How far joints (N, 6) may go beyond two neighbouring samples on the way between them: an
+    eighth of the change of their steps, as a parabola through three samples does."""
+    change = np.zeros_like(step)
+    change[1:-1] = np.nan_to_num(np.abs(step[2:] - step[1:-1])) * BULGE
+    change[begins] = 0.0
+    change[:-1][begins[1:]] = 0.0
+    bulge = change.copy()
+    np.maximum(bulge[1:], change[:-1], out=bulge[1:])
+    np.maximum(bulge[:-1], change[1:], out=bulge[:-1])
+    return bulge
 
 
 def joints_at(cell: Cell, sampled: Sampled, row: NDArray[np.int64], share: Floats) -> Floats:
