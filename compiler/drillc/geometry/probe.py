@@ -50,10 +50,6 @@ class Probe:
         return tuple(outer(hull) for hull in self.hulls)
 
     @cached_property
-    def outer_bodies(self) -> tuple[Body, ...]:
-        return tuple(Body(each.mesh) for each in self.outer)
-
-    @cached_property
     def outer_body(self) -> Body:
         """All hulls' outer polyhedra as one."""
         return Body(joined([each.mesh for each in self.outer]))

@@ -5,6 +5,8 @@ Only indices count: vertices at one place must have been merged.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -95,7 +97,7 @@ def _pairs(faces: Ints) -> tuple[Ints, Ints, Bools]:
     return face[:-1][same], face[1:][same], agree[same]
 
 
-def _graph(first: Ints, second: Ints, count: int):  # type: ignore[no-untyped-def]
+def _graph(first: Ints, second: Ints, count: int) -> Any:
     from scipy.sparse import coo_array
 
     ones = np.ones(len(first), dtype=np.int8)

@@ -21,9 +21,7 @@ from drillc.language.fields import (
     unit_vector,
     whole,
 )
-from drillc.language.job import (  # noqa: F401 for planning, until it imports these from job
-    PORTAL_JOINTS,
-    ROTARY_JOINT,
+from drillc.language.job import (
     Part,
     Pose,
     Signal,
