@@ -29,7 +29,8 @@ HOME = np.radians([0, -90, 90, 0, 30, 0])
 
 
 def turn(sequence, *degrees):
-    return Rotation.from_euler(sequence, degrees, degrees=True).as_matrix()
+    # Before scipy 1.17 one angle in a list makes a list of one rotation.
+    return Rotation.from_euler(sequence, degrees, degrees=True).as_matrix().reshape(3, 3)
 
 
 # ── bodies, on both sides ────────────────────────────────────────────────────────────────────────
