@@ -21,8 +21,6 @@ from .probe import Probe
 from .shapes import Floats, Mesh, RoundedHull, joined
 from .solids import standing
 
-__all__ = ["Obstacles", "Probe"]
-
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 

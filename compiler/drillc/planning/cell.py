@@ -18,8 +18,8 @@ from drillc.kernels.arm import ArmGeometry, forward, landmarks, link_frames
 from drillc.kernels.arm_inverse import inverse
 from drillc.language.job import Arm, Floats, Ints, Job, Pose, Station, Tool
 
-#: What tool and arm keep from a fixture for which no region asks for more; and how much of a hole's
-#: clearance the travels between holes may use up.
+#: What the tool keeps from a fixture over a hole's cycle where its region asks for no more; and how
+#: much of a clearance the arm's links, and both on the ways between holes, may use up.
 LEAST_GAP_MM = 2.0
 #: The tool among the bodies: it follows the seven links (0: the root).
 TOOL = 7
