@@ -1,0 +1,1 @@
+"""Reads emitted programs back, runs them as their controllers would, and proves them."""

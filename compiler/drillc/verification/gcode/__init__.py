@@ -1,0 +1,1 @@
+"""Reads and runs G-code as LinuxCNC does (RS274/NGC)."""
