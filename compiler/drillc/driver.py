@@ -40,12 +40,18 @@ class Planned:
     programs: tuple[Program, ...]  # one; for an arm, one a station
 
 
-def plan_spec(path: Path, root: Path | None, report: Report, progress: Progress = quiet) -> Planned:
+def plan_spec(
+    path: Path,
+    root: Path | None,
+    report: Report,
+    progress: Progress = quiet,
+    instead: Path | None = None,
+) -> Planned:
     """Run every pass up to the Program. Raises `Refused` at the end of the first stage with errors;
-    warnings stay in `report`."""
+    warnings stay in `report`. `instead` holds another version of the spec at `path`."""
     from drillc.planning.depths import plunge_depths
 
-    job = read_job(path, root, report, progress)
+    job = read_job(path, root, report, progress, instead)
     progress(f"solving {len(job.holes):,} holes")
     depth_mm = plunge_depths(job, report)
     if isinstance(job.robot, Portal):
@@ -55,7 +61,13 @@ def plan_spec(path: Path, root: Path | None, report: Report, progress: Progress 
     return _plan_poses(job, depth_mm, report, progress)
 
 
-def read_job(path: Path, root: Path | None, report: Report, progress: Progress = quiet) -> Job:
+def read_job(
+    path: Path,
+    root: Path | None,
+    report: Report,
+    progress: Progress = quiet,
+    instead: Path | None = None,
+) -> Job:
     """Run the passes up to the Job, its holes in the order in which they are made."""
     from drillc.language.loading import load
     from drillc.language.resolve import resolve
@@ -63,7 +75,7 @@ def read_job(path: Path, root: Path | None, report: Report, progress: Progress =
     from drillc.planning.surface import fit_to_surface
 
     progress("reading the spec")
-    loader, loaded = load(path, root, report)
+    loader, loaded = load(path, root, report, instead)
     report.stop_if_failed()
     if loaded is None:
         raise AssertionError("nothing was loaded and nothing was said")

@@ -12,9 +12,7 @@ import numpy as np
 from drillc.catalogue.model import JOINT_NAMES
 from drillc.driver import Planned
 from drillc.kernels.rotations import quaternion_from_matrix
-from drillc.language.job import (
-    Floats,
-)
+from drillc.language.job import Arm, Floats, Job, Texts
 from drillc.output.numbers import fixed
 from drillc.planning.arm_joints import ArmSolution
 
@@ -38,6 +36,9 @@ def columns(planned: Planned) -> list[Column]:
     found += [(name, quaternion[:, i]) for i, name in enumerate(("qw", "qx", "qy", "qz"))]
     solution = planned.solution
     if isinstance(solution, ArmSolution):
+        if len(names := _stations(planned.job)) > 1:
+            stations = np.array([region.station for region in planned.job.regions])
+            found.append(("station", names[stations[holes.region]]))
         found.append(("heading_deg", np.degrees(solution.heading_rad)))
         for i, name in enumerate(JOINT_NAMES):
             found.append((f"{name}_deg", np.degrees(solution.joints[:, i])))
@@ -51,6 +52,12 @@ def columns(planned: Planned) -> list[Column]:
     if solution is not None:
         found += [("branch", solution.branch), ("margin", solution.margin)]
     return found
+
+
+def _stations(job: Job) -> Texts:
+    """The names of the arm's parking places."""
+    stations = job.robot.stations if isinstance(job.robot, Arm) else ()
+    return np.array([place.name.text if place.name else "" for place in stations], dtype=np.str_)
 
 
 def write_inspection(planned: Planned, form: str, out: TextIO) -> None:

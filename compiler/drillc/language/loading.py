@@ -48,9 +48,12 @@ class Loader:
     report: Report
     inputs: list[Source] = field(default_factory=list)
 
-    def read(self, path: Path, limit: Limit, span: Span | None) -> Source | None:
-        """Read one text file; None after reporting why it cannot be read."""
-        raw = self._bytes(path, limit, span)
+    def read(
+        self, path: Path, limit: Limit, span: Span | None, instead: Path | None = None
+    ) -> Source | None:
+        """Read one text file; None after reporting why it cannot be read. With `instead`, that
+        file's text is read, as if it stood at `path`."""
+        raw = self._bytes(instead or path, limit, span)
         text = None if raw is None else self._decoded(raw, path, span)
         return None if raw is None or text is None else self._remembered(path, raw, _unix(text))
 
@@ -180,14 +183,19 @@ class Loaded:
     statements: list[Statement]
 
 
-def load(path: Path, root: Path | None, report: Report) -> tuple[Loader, Loaded | None]:
-    """Read and parse the spec at `path` and its cell files. All syntax errors are reported."""
+def load(
+    path: Path, root: Path | None, report: Report, instead: Path | None = None
+) -> tuple[Loader, Loaded | None]:
+    """Read and parse the spec at `path` and its cell files. All syntax errors are reported.
+
+    `instead` holds another version of the spec, whose paths still go from `path`.
+    """
     # realpath, since resolve() raises on a loop of links; reading then says what is wrong.
     loader = Loader(Path(os.path.realpath(root or path.parent)), report)
     if root is not None and not root.is_dir():
         report.error("E121", f"the root {root} is not a folder", hint="--root DIR: a folder")
         return loader, None
-    source = loader.read(path, SPEC_LIMIT, None)
+    source = loader.read(path, SPEC_LIMIT, None, instead)
     spec = parse(source, report) if source else None
     if spec is None:
         return loader, None
