@@ -11,8 +11,9 @@ its default, which holds the rule's heading where that works.
 
 Compared are, from standoff to standoff: the sum of |dq| over all joints, the same with each joint
 in seconds at its full speed (what drillc minimises), the largest turn of the tool about its own
-axis from hole to hole, and the processor time of planning. drillc's covers candidates for the whole
-cycle into the hole, the choice, and the proof of the ways between; botrail's is `plan_toolpath`.
+axis from hole to hole, and the processor time of planning (on the panel, the least of three).
+drillc's covers candidates for the whole cycle into the hole, the choice, and the proof of the ways
+between; botrail's is `plan_toolpath`.
 
 Greedy choice takes, hole by hole, the candidate nearest in joint space (in seconds), beginning with
 the one nearest to the rule; it is shown for the panel and for samples/fuselage_arm.drill.
@@ -150,6 +151,11 @@ def solved(place: Place) -> Way:
     return way(place, chosen, time.process_time() - start)
 
 
+def at_best(place: Place) -> Way:
+    """The same three times, timed by the fastest."""
+    return min((solved(place) for _ in range(3)), key=lambda found: found.cpu_s)
+
+
 def way(place: Place, chosen: Candidates, cpu_s: float) -> Way:
     rotation = place.cycles.turned(chosen.row, chosen.heading_rad)
     return Way(chosen.standoff, chosen.leave, rotation, cpu_s)
@@ -268,7 +274,7 @@ def main(python: str, holes: int) -> None:
     solved(few(place, 10))  # imports what is needed
     mine = {}
     for name, weights in (("travel alone", place.job.weights), ("by default", Weights())):
-        mine[name] = show(f"drillc, {name}", place.cell, solved(weighing(place, weights)))
+        mine[name] = show(f"drillc, {name}", place.cell, at_best(weighing(place, weights)))
     for spin in ("optimize", "greedy"):
         travel, cpu_s = show(f"botrail, {spin}", place.cell, botrail(place, python, spin))
         for name, (own_travel, own_cpu_s) in mine.items():

@@ -2,7 +2,7 @@
 
 Reads {"urdf", "holes": [[standoff, bottom, axis] …] in metres, "spin"} as JSON from its input;
 writes the joints at every hole's standoff, before and after drilling, the seconds of processor and
-of wall clock that the planning took, and botrail's version.
+of wall clock that the planning took, the least of three, and botrail's version.
 """
 
 import json
@@ -23,9 +23,12 @@ def main() -> None:
         moves.append({"type": "feed", "feed": 0.005, "targets": [deep]})
         moves.append({"type": "feed", "feed": 0.05, "targets": [out]})
     scene.add_toolpath("holes", {"moves": moves})
-    start, began = time.process_time(), time.perf_counter()
-    path = scene.plan_toolpath("holes", spin=asked["spin"])
-    used, passed = time.process_time() - start, time.perf_counter() - began
+    times = []
+    for _ in range(3):
+        start, began = time.process_time(), time.perf_counter()
+        path = scene.plan_toolpath("holes", spin=asked["spin"])
+        times.append((time.process_time() - start, time.perf_counter() - began))
+    used, passed = min(times)
     joints = [list(path.sample(moment)) for moment in path.segment_ends]
     if len(joints) != len(moves):
         raise SystemExit(f"{len(moves)} moves, and {len(joints)} ends")

@@ -18,7 +18,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from drillc.output.numbers import Column, Fixed, Text
-from drillc.output.staging import Rows, Stage
+from drillc.output.pouring import Rows
+from drillc.output.staging import Stage
 from jinja2 import Environment
 
 LETTERS = "xyzabc"

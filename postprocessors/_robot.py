@@ -9,7 +9,7 @@ from drillc.language.diagnostics import Label, Report
 from drillc.language.job import Process, Signal
 from drillc.output.acceptance import SPINDLE_SPEED
 from drillc.output.numbers import fixed
-from drillc.output.staging import Rows
+from drillc.output.pouring import Rows
 from drillc.planning.program import (
     Cycle,
     Dwell,

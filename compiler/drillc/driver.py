@@ -1,6 +1,7 @@
 """The passes, in the order they run.
 
     text ─parse→ tree ─resolve→ Job ─pose→ postures ─solve→ joints ─plan→ Program ─emit→ files
+        ─verify→ written
 
 Each stage reports all its mistakes and stops there; nothing is written before all has passed.
 """
@@ -17,9 +18,11 @@ from drillc.language.job import Arm, Emit, Floats, Job, Named, Portal
 from drillc.planning.arm_joints import ArmSolution
 from drillc.planning.portal_joints import Solution
 from drillc.planning.program import Program
+from drillc.verification.registry import find_readers
 
 if TYPE_CHECKING:
     from drillc.output.emission import OutFile
+    from drillc.verification.verdict import Verdict
 
 
 #: Told in a few words what is being done, for a person who waits.
@@ -154,6 +157,22 @@ def check_spec(path: Path, report: Report, *, root: Path | None = None) -> Plann
     return planned
 
 
+class NotProven(Exception):  # noqa: N818 (a verdict on what was emitted)
+    """A program that was read back does not do what the spec says; nothing was written."""
+
+    def __init__(self, verdicts: Sequence[Verdict]) -> None:
+        super().__init__("a program does not do what the spec says")
+        self.verdicts = verdicts
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """The files written, sorted, and what was proven of each program (nothing, if not verified)."""
+
+    paths: tuple[Path, ...]
+    verdicts: tuple[Verdict, ...]
+
+
 def compile_spec(
     path: Path,
     out: Path,
@@ -161,20 +180,73 @@ def compile_spec(
     *,
     root: Path | None = None,
     posts: Sequence[str] = (),
+    verify: bool = True,
     progress: Progress = quiet,
-) -> list[Path]:
-    """Compile a spec into the folder `out` and return the files written, sorted.
+) -> Compiled:
+    """Compile a spec into the folder `out`: emit, read back, prove, and only then move into place.
 
     `posts` narrows the spec's `emit` statements, or adds posts that it does not name. On any error
-    `Refused` is raised and `out` is as it was.
+    `Refused` is raised, and `NotProven` where a program does not do what the spec says; then `out`
+    is as it was.
     """
+    from drillc.output.source_map import source_map
     from drillc.output.writing import write_outputs
 
     planned = plan_spec(path, root, report, progress)
     progress("preparing the files")
-    files = _emit(planned, _wanted(planned.job, posts, report), report)
+    emits = wanted_emits(planned.job, posts, report)
+    files = _emit(planned, emits, report)
+    files += source_map(files, planned.job.program)
     watched = [replace(file, chunks=_watched(file, progress)) for file in files]
-    return write_outputs(out, watched, planned.job, report)
+    if verify:
+        find_readers([emit.post for emit in emits], report)
+        report.stop_if_failed()
+    verdicts: list[Verdict] = []
+
+    def proven(folder: Path) -> None:
+        if verify:
+            verdicts.extend(prove(planned, emits, folder, report, progress))
+            if not all(verdict.passed for verdict in verdicts):
+                raise NotProven(verdicts)
+
+    paths = write_outputs(
+        out,
+        watched,
+        planned.job,
+        report,
+        posts=[emit.post.text for emit in emits],
+        verified=verify,
+        before_move=proven,
+    )
+    return Compiled(tuple(paths), tuple(verdicts))
+
+
+def prove(
+    planned: Planned,
+    emits: Sequence[Emit],
+    folder: Path,
+    report: Report,
+    progress: Progress = quiet,
+) -> list[Verdict]:
+    """Read the programs in `folder` back and compare what they do with what is planned: a verdict
+    for each. Raises `Refused` where a post has no reader."""
+    from drillc.verification.folder import program_files, renamed_in
+    from drillc.verification.proof import verify_folder
+
+    readers = find_readers([emit.post for emit in emits], report)
+    report.stop_if_failed()
+    posts = [emit.post.text for emit in emits]
+    return list(
+        verify_folder(
+            planned.job,
+            planned.programs,
+            emits,
+            readers,
+            program_files(folder, posts),
+            renamed_in(folder, posts),
+            progress,
+        )
+    )
 
 
 def _emit(planned: Planned, emits: Sequence[Emit], report: Report) -> list[OutFile]:
@@ -201,7 +273,7 @@ def _watched(file: OutFile, progress: Progress) -> Iterator[bytes]:
         yield chunk
 
 
-def _wanted(job: Job, posts: Sequence[str], report: Report) -> list[Emit]:
+def wanted_emits(job: Job, posts: Sequence[str], report: Report) -> list[Emit]:
     """The `emit` statements to follow; one for each post named on the command line."""
     if not posts:
         if not job.emits:

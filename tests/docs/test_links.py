@@ -10,6 +10,7 @@ from docs.fenced import DOCS, ROOT
 
 #: A target with a scheme is on the web, and not looked at.
 _LINK = re.compile(r"\]\((?![a-z]+:)([^)#\s]*)(?:#([^)\s]+))?\)")
+DOCUMENTS = ("language.md", "post-processors.md", "departures.md", "source-maps.md")
 _FENCED = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -20,7 +21,7 @@ def anchors(document: Path) -> set[str]:
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("name", ["language.md", "post-processors.md", "departures.md"])
+@pytest.mark.parametrize("name", DOCUMENTS)
 def test_every_link_leads_somewhere(name: str) -> None:
     links = _LINK.findall(_FENCED.sub("", (DOCS / name).read_text(encoding="utf-8")))
     assert links
@@ -30,7 +31,7 @@ def test_every_link_leads_somewhere(name: str) -> None:
         assert not anchor or anchor in anchors(target), f"{file}#{anchor}"
 
 
-@pytest.mark.parametrize("name", ["language.md", "post-processors.md", "departures.md"])
+@pytest.mark.parametrize("name", DOCUMENTS)
 def test_every_path_that_is_named_is_there(name: str) -> None:
     text = _FENCED.sub("", (DOCS / name).read_text(encoding="utf-8"))
     named = re.findall(

@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 from drillc import cli
 from drillc.output import writing
-from drillc.output.staging import StagedText
+from drillc.output.pouring import StagedText
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 

@@ -10,6 +10,7 @@ from math import inf, pi
 
 import numpy as np
 import pytest
+from drillc.kernels import recurrence as recurrence_
 from drillc.kernels.ladder import Ladder, best_ladder, ladder_cost
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,8 +18,10 @@ from hypothesis import strategies as st
 DEGREES = pi / 180
 
 
-def random_ladder(rng, widths, grid=None, limits=(inf,), groups=1, forbidden=0.0, weight=None):
-    """Anything goes; with a grid, all costs are multiples of it."""
+def random_ladder(
+    rng, widths, grid=None, limits=(inf,), groups=1, forbidden=0.0, weight=None, endless=()
+):
+    """Anything goes; with a grid, all costs are multiples of it (but whole turns are not)."""
     start = np.concatenate([[0], np.cumsum(widths)])
     n, m = len(widths), int(start[-1])
     joints, cost = rng.uniform(-3, 3, (m, 6)), rng.uniform(0, 4, m)
@@ -40,6 +43,7 @@ def random_ladder(rng, widths, grid=None, limits=(inf,), groups=1, forbidden=0.0
         weight=weight,
         group=rng.integers(0, groups, m),
         group_cost=group_cost,
+        endless=endless,
     )
 
 
@@ -71,7 +75,10 @@ def swept_ladder(rng, n, headings, branches, deviation, limit, group_cost=0.0):
 def step(ladder, k, i, j):
     turn = ladder.jump_rad[k] + ladder.heading_rad[j] - ladder.heading_rad[i]
     wrapped = pi - np.mod(pi - turn, 2 * pi)
-    cost = (ladder.weight * np.abs(ladder.joints[j] - ladder.joints[i])).sum(axis=-1)
+    way = np.abs(ladder.joints[j] - ladder.joints[i])
+    for joint in ladder.endless:
+        way[..., joint] = np.abs(way[..., joint, None] - 2 * pi * np.arange(4)).min(axis=-1)
+    cost = (ladder.weight * way).sum(axis=-1)
     cost = cost + ladder.group_cost * (ladder.group[i] != ladder.group[j])
     return np.where(np.abs(wrapped) <= ladder.jump_limit_rad[k] + 1e-12, cost, inf)
 
@@ -138,6 +145,7 @@ CASES = {
     "groups": {"groups": 3},
     "holes in the ladder": {"forbidden": 0.4},
     "all at once": {"limits": (0.5, 1.5, 3.0), "groups": 2, "forbidden": 0.2},
+    "whole turns for nothing": {"limits": (1.5, inf), "groups": 2, "endless": (3, 5)},
 }
 
 
@@ -154,7 +162,7 @@ def test_it_is_the_best_of_all_choices(case, grid):
         assert choice.total == pytest.approx(total, rel=1e-12)
         assert (choice.blocked is None) == (total < inf)
         feasible += total < inf
-        if grid and total < inf:
+        if grid and total < inf and not ladder.endless:
             assert choice.index.tolist() == list(best)
     assert feasible >= 5
     assert feasible < 40 or "limits" not in CASES[case] or case == "jump limits"
@@ -172,8 +180,74 @@ def test_it_is_the_recurrences(case, grid, low, high, n):
         widths = rng.integers(low, high, n)
         ladder = random_ladder(rng, widths, grid, **CASES[case])
         choice = is_the_optimum(ladder)
+        if grid and choice.blocked is None and not ladder.endless:
+            np.testing.assert_array_equal(choice.index, recurrence(ladder)[1])
+
+
+def detour_ladder(rng, n, limit, deviation=1.0, grid=None):
+    """Joint curves over a wide rung's headings; here and there a fixture has them leave heading 0
+    farther than one jump goes."""
+    ladder = swept_ladder(rng, n, 36, 4, deviation, limit, 0.5)
+    hole = np.repeat(np.arange(n), 36 * 4)
+    cost = ladder.cost.copy()
+    for first in rng.integers(0, n, 3):
+        inside = (hole >= first) & (hole < first + 3)
+        cost[inside & (np.abs(ladder.heading_rad) < rng.uniform(0.3, 1.2))] = inf
+    joints, weight, jump_rad = ladder.joints, ladder.weight, np.zeros(n - 1)
+    if grid:
+        joints, cost = np.rint(joints / grid) * grid, np.rint(cost / grid) * grid
+        weight = 2.0 ** rng.integers(-1, 2, 6)
+    return replace(ladder, joints=joints, cost=cost, weight=weight, jump_rad=jump_rad)
+
+
+@pytest.mark.parametrize("grid", [None, 1 / 64])
+@pytest.mark.parametrize("deviation", [0.0, 0.1, 4.0])
+def test_limits_that_bind_in_a_few_places(grid, deviation, monkeypatch):
+    """The optimum of the recurrence, though few limits are looked at."""
+    taken, asked = [], []
+    again, few = recurrence_._forward_again, recurrence_._few_limits
+
+    def forward_again(rungs, changed, reach):
+        asked.append(np.isfinite(rungs.jump_limit_rad).mean())
+        return again(rungs, changed, reach)
+
+    def few_limits(rungs):
+        taken.append(few(rungs))
+        return taken[-1]
+
+    monkeypatch.setattr(recurrence_, "_forward_again", forward_again)
+    monkeypatch.setattr(recurrence_, "_few_limits", few_limits)
+    rng = np.random.default_rng(17)
+    for _ in range(8):
+        ladder = detour_ladder(rng, 50, rng.uniform(0.2, 0.5), deviation, grid)
+        choice = is_the_optimum(ladder)
         if grid and choice.blocked is None:
             np.testing.assert_array_equal(choice.index, recurrence(ladder)[1])
+    assert sum(index is not None for index in taken) >= 5
+    assert deviation == 0.0 or (len(asked) >= 4 and min(asked) < 0.7)
+
+
+@pytest.mark.parametrize("rounds", [1, 2])
+def test_limits_that_bind_in_too_many_places(rounds, monkeypatch):
+    """Then all of them are looked at."""
+    monkeypatch.setattr(recurrence_, "_ROUNDS", rounds)
+    monkeypatch.setattr(recurrence_, "_AROUND", 0)
+    rng = np.random.default_rng(18)
+    for _ in range(6):
+        ladder = detour_ladder(rng, 40, 0.25)
+        assert is_the_optimum(ladder).blocked is None
+
+
+def test_limits_that_block_after_limits_were_left_out():
+    rng = np.random.default_rng(19)
+    ladder = detour_ladder(rng, 30, 0.25)
+    jump_rad = ladder.jump_rad.copy()
+    jump_rad[11] = pi / 36  # between headings, and nobody reaches the next
+    limit_rad = ladder.jump_limit_rad.copy()
+    limit_rad[11] = 0.01
+    assert (
+        is_the_optimum(replace(ladder, jump_rad=jump_rad, jump_limit_rad=limit_rad)).blocked == 12
+    )
 
 
 @pytest.mark.parametrize("deviation", [0.0, 0.3, 3.0])

@@ -9,7 +9,8 @@ import jinja2
 import numpy as np
 import pytest
 from drillc.output.numbers import Column, Fixed, Text, Whole, fixed
-from drillc.output.staging import BLOCK_ROWS, Rows, Stage, StagedText, StagingError
+from drillc.output.pouring import BLOCK_ROWS, Rows, StagedText
+from drillc.output.staging import Stage, StagingError
 
 N = 3 * BLOCK_ROWS + 17
 

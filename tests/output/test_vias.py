@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from drillc.output.staging import Rows
+from drillc.output.pouring import Rows
 from drillc.output.vias import (
     at_home,
     destinations,

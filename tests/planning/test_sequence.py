@@ -102,6 +102,43 @@ def test_the_best_of_all_choices(seed):
     assert picked(sequence, candidates) == choice
 
 
+def in_windings(rng, candidates):
+    """Each candidate, and about every other one once more with its last joint a turn back, at a
+    margin of its own."""
+    of = np.repeat(np.arange(len(candidates)), rng.integers(1, 3, len(candidates)))
+    again = np.append(False, of[1:] == of[:-1])
+    wound = candidates.take(of)
+    turn_rad = np.where(again, 2 * np.pi, 0.0)[:, None] * np.array([0, 0, 0, 0, 0, -1])
+    return replace(
+        wound,
+        joints=wound.joints + turn_rad,
+        standoff=wound.standoff + turn_rad,
+        leave=wound.leave + turn_rad,
+        margin=rng.uniform(0, 0.2, len(wound)),
+    )
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_best_of_all_windings(seed):
+    rng = np.random.default_rng(100 + seed)
+    n = int(rng.integers(2, 5))
+    candidates = in_windings(rng, random_candidates(rng, rng.integers(1, 5, n)))
+    rotation = np.array([turn("xyz", *rng.uniform(-60, 60, 3)) for _ in range(n)])
+    cycles = cycles_of(rng.uniform(-100, 100, (n, 3)), rotation)
+    weights = Weights(*[(1.0, 1.0, 8.0), (0.3, 2.0, 8.0), (0.0, 1.0, 0.0)][seed % 3])
+    limit = np.radians(rng.choice([100.0, np.inf], n - 1))
+    cell = Scene(home=HOME).cell()
+    sequence = choose(
+        cell, cycles, make_tool_sweeps(cell, cycles), candidates, np.zeros(n), limit, weights
+    )
+    total, _ = best_of_all(candidates, cycles, limit, weights, HOME)
+    assert (sequence.blocked is None) == (total < np.inf)
+    if total < np.inf:
+        assert sequence.total_s == pytest.approx(total, abs=1e-6)
+        taken = picked(sequence, candidates)
+        assert cost_of(taken, candidates, cycles, limit, weights, HOME) == pytest.approx(total)
+
+
 def test_each_part_of_the_cost_decides_somewhere():
     """The random problems above would not notice a part that is left out; here each one matters."""
     n = 3

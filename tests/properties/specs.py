@@ -94,7 +94,7 @@ def emitted(spec: Spec | Mapping[str, str]) -> dict[str, bytes]:
         report = Report()
         out = Path(folder) / "out"
         try:
-            paths = compile_spec(write(files, Path(folder)), out, report)
+            paths = compile_spec(write(files, Path(folder)), out, report).paths
         except Refused as refused:
             raise AssertionError(f"{refused}\n{files['spec.drill']}") from refused
         found = {path.relative_to(out).as_posix(): path.read_bytes() for path in paths}

@@ -110,12 +110,30 @@ def test_what_is_done_otherwise() -> None:
     one = made()
     slower = (*STEPS[:3], replace(STEPS[3], speed_mm_s=4.0), STEPS[4])
     found = only(difference(one, with_steps(made(), 2, slower)))
-    assert found == {"hole": "P2", "steps": ("the bottom: mm/s 5 -> 4",)}
+    assert found == {"hole": "P2", "steps": ("the plunge: mm/s 5 -> 4",)}
     found = only(difference(one, with_steps(made(), 2, (*STEPS[:2], *STEPS[3:]))))
     assert found == {"hole": "P2", "steps": ("no longer: $IN[17]",)}
     longer = (*STEPS[:2], replace(STEPS[2], timeout_s=3.0), *STEPS[3:])
     found = only(difference(one, with_steps(made(), 2, longer)))
     assert found == {"hole": "P2", "steps": ("$IN[17]: time-out in s 5 -> 3",)}
+
+
+def pecked(*bottoms: float) -> tuple[Step, ...]:
+    moves = [Step("go", -62.0, 250.0), Step("go", -14.0, 50.0)]
+    for bottom in bottoms:
+        moves += [Step("go", bottom, 5.0), Step("go", -14.0, 50.0), Step("go", bottom - 0.5, 50.0)]
+    return (*moves[:-2], Step("go", -62.0, 50.0))
+
+
+def test_pecks_are_one_plunge() -> None:
+    one, two = made(), made()
+    one = replace(one, step_lists=(pecked(-11.0, -8.0, -5.0, -2.0, 0.0),))
+    two = replace(two, step_lists=(pecked(-10.0, -6.0, -2.0, 0.0),))
+    found = difference(one, two)
+    assert {change.steps for change in found.changed} == {("the plunge: pecks in mm 3 -> 4",)}
+    at_once = replace(two, step_lists=(pecked(0.0),))
+    found = difference(one, at_once)
+    assert {change.steps for change in found.changed} == {("the plunge: pecks in mm 3 -> none",)}
 
 
 def test_a_configuration_that_flips() -> None:

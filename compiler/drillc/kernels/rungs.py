@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
+Around = tuple[tuple[int, float], ...]
 
 _JUMP_SLACK_RAD = 1e-12
+_ONES = np.ones(6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,11 +26,14 @@ class Rungs:
     """The allowed candidates (m,) of n rungs, none of them empty; a `Ladder` on the grid.
 
     travel (m, 6): joints times weights, so that a step costs the sum of |dtravel|, and group_cost
-    more where the group differs. node (m,): the cost of the candidate itself.
+    more where the group differs. around: joints, with the travel after which they stand as before;
+    they go the shorter way, and their travel is in 0 .. that. node (m,): the cost of the candidate
+    itself.
     """
 
     start: NDArray[np.intp]
     travel: Floats
+    around: Around
     node: Floats
     heading_rad: Floats
     group: Ints
@@ -40,6 +45,7 @@ class Rungs:
 def on_grid(
     start: NDArray[np.intp],
     travel_s: Floats,
+    around_s: Around,
     node_s: Floats,
     heading_rad: Floats,
     group: Ints,
@@ -47,8 +53,10 @@ def on_grid(
     jump_rad: Floats,
     jump_limit_rad: Floats,
 ) -> Rungs:
-    """Round times to the grid; travel_s (m, 6)."""
+    """Round times to the grid; travel_s (m, 6), which changes."""
     first = start[:-1]
+    for joint, period_s in around_s:
+        travel_s[:, joint] %= period_s
     # What all candidates of a rung have in common decides nothing.
     node_s = node_s - np.repeat(np.minimum.reduceat(node_s, first), np.diff(start))
     low = np.minimum.reduceat(travel_s, first)
@@ -58,12 +66,13 @@ def on_grid(
         float(np.maximum.reduceat(node_s, first).sum())
         + float(farthest.sum())
         + group_cost_s * len(first)
-        + float(np.abs(travel_s).max())
+        + float(max(-low.min(), high.max(), 0.0))
     )
     shift = 51 - int(np.frexp(worst)[1])  # worst < 2**exponent
     return Rungs(
         start=start,
-        travel=np.rint(np.ldexp(travel_s, shift)),
+        travel=np.rint(np.ldexp(travel_s, shift, out=travel_s), out=travel_s),
+        around=tuple((joint, float(np.rint(np.ldexp(turn, shift)))) for joint, turn in around_s),
         node=np.rint(np.ldexp(node_s, shift)),
         heading_rad=wrapped(heading_rad),
         group=group,
@@ -85,15 +94,31 @@ def step_cost(
     All arguments but the first broadcast; `jump_rad` and its limit are those of the steps.
     """
     cost: Floats = np.zeros(np.broadcast_shapes(before.shape, after.shape))
-    for travel in rungs.travel.T:
-        leg = travel[before] - travel[after]
-        cost += np.abs(leg, out=leg)
+    period = dict(rungs.around)
+    for joint, travel in enumerate(rungs.travel.T):
+        cost += way(travel[before] - travel[after], period.get(joint))
     if rungs.group_cost:
         cost += rungs.group_cost * (rungs.group[before] != rungs.group[after])
     forbid_jumps(
         cost, rungs.heading_rad[before], rungs.heading_rad[after], jump_rad, jump_limit_rad
     )
     return cost
+
+
+def way(leg: Floats, period: float | None) -> Floats:
+    """How far a joint goes for its legs; the shorter way if it has a period. Changes `leg`."""
+    np.abs(leg, out=leg)
+    if period is not None:
+        np.minimum(leg, period - leg, out=leg)
+    return leg
+
+
+def ways(legs: Floats, around: Around) -> Floats:
+    """How far all joints go for legs (k, 6), together. Changes `legs`."""
+    np.abs(legs, out=legs)
+    for joint, period in around:
+        legs[:, joint] = way(legs[:, joint], period)
+    return np.asarray(legs @ _ONES)
 
 
 def forbid_jumps(

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from .rungs import Floats, Ints, Rungs, forbid_jumps, wrapped
+from .rungs import Around, Floats, Ints, Rungs, forbid_jumps, way, ways, wrapped
 
 _PIVOTS = 8
 # Fewer transitions than this are all costed: to rule some out would take longer.
-_FEW = 32768
+_FEW = 24576
 # More transitions than this are not listed one by one.
 _LISTED = 24576
 # Rows of the table of transitions that are worked on at once, for the sake of the cache.
@@ -34,17 +34,20 @@ def wide_arrivals(rungs: Rungs, k: int, reach: Floats) -> None:
     a, b, c = rungs.start[k : k + 3].tolist()
     source, target = _side(rungs, slice(a, b), reach), _side(rungs, slice(b, c), reach)
     step = _Step(
-        source, target, float(rungs.jump_rad[k]), float(rungs.jump_limit_rad[k]), rungs.group_cost
+        source,
+        target,
+        float(rungs.jump_rad[k]),
+        float(rungs.jump_limit_rad[k]),
+        rungs.group_cost,
+        rungs.around,
     )
     if (b - a) * (c - b) <= _FEW:
         reach[b:c] = _over_all(step) + rungs.node[b:c]
         return
-    # Any order of the sources is right; in this one neighbours have much to do with each other.
-    order = np.argsort(source.heading_rad + 8.0 * source.group, kind="stable")
-    step = replace(step, source=source.take(order[source.value[order] < inf]))
     if step.limit_rad >= pi:
         reach[b:c] = _over_all(_without_superfluous(step)) + rungs.node[b:c]
     else:
+        step = replace(step, source=source.take(_in_order(source)))
         order = np.argsort(target.heading_rad, kind="stable")
         step = replace(step, target=target.take(order))
         reach[b + order] = _inside_windows(step) + rungs.node[b + order]
@@ -53,8 +56,7 @@ def wide_arrivals(rungs: Rungs, k: int, reach: Floats) -> None:
 def wide_predecessor(rungs: Rungs, k: int, after: int, reach: Floats) -> int:
     """The first candidate of rung k, by its place, over which `after` is reached at its cost."""
     before = slice(rungs.start[k], rungs.start[k + 1])
-    leg = np.abs(rungs.travel[before] - rungs.travel[after])
-    cost = leg @ np.ones(leg.shape[1])
+    cost = ways(rungs.travel[before] - rungs.travel[after], rungs.around)
     if rungs.group_cost:
         cost += rungs.group_cost * (rungs.group[before] != rungs.group[after])
     forbid_jumps(
@@ -89,6 +91,7 @@ class _Step:
     jump_rad: float
     limit_rad: float
     group_cost: float
+    around: Around
 
 
 def _side(rungs: Rungs, rows: slice, reach: Floats) -> _Side:
@@ -101,7 +104,7 @@ def _over_all(step: _Step) -> Floats:
     least = np.full(len(target.value), inf)
     for first in range(0, len(source.value), _ROWS_AT_ONCE):
         some = source.take(slice(first, first + _ROWS_AT_ONCE))
-        cost = _table(some, target, step.group_cost)
+        cost = _table(some, target, step)
         forbid_jumps(
             cost, some.heading_rad[:, None], target.heading_rad, step.jump_rad, step.limit_rad
         )
@@ -131,7 +134,7 @@ def _inside_windows(step: _Step) -> Floats:
         j = target_around.take(j)
         leg = source.travel.take(i, axis=0)
         leg -= target.travel.take(j, axis=0)
-        cost = np.abs(leg, out=leg) @ np.ones(leg.shape[1])
+        cost = ways(leg, step.around)
         cost += source.value.take(i)
         if step.group_cost:
             cost += step.group_cost * (source.group[i] != target.group[j])
@@ -150,41 +153,41 @@ def _inside_windows(step: _Step) -> Floats:
     return least
 
 
-def _table(source: _Side, target: _Side, group_cost: float) -> Floats:
-    """The cost (s, t) of arriving at each target through each source."""
-    cost = cdist(source.travel, target.travel, "cityblock")
-    if group_cost:
-        cost += group_cost * (source.group[:, None] != target.group)
+def _table(source: _Side, target: _Side, step: _Step) -> Floats:
+    """The cost (s, t) of arriving at each target through each source; step: how it is counted."""
+    if not step.around:
+        cost = cdist(source.travel, target.travel, "cityblock")
+    else:
+        plain = [joint for joint in range(6) if joint not in dict(step.around)]
+        cost = cdist(source.travel[:, plain], target.travel[:, plain], "cityblock")
+        for joint, period in step.around:
+            cost += way(source.travel[:, joint, None] - target.travel[:, joint], period)
+    if step.group_cost:
+        cost += step.group_cost * (source.group[:, None] != target.group)
     cost += source.value[:, None]
     return cost
 
 
-def _leads(step: _Step) -> tuple[NDArray[np.bool_], Floats]:
-    """Whether some other sources make each source superfluous where they can lead; (r, s), and
-    their headings (r, s): the pivots, then the neighbours before and behind."""
+def _led_by_neighbours(step: _Step) -> NDArray[np.bool_]:
+    """Whether the neighbours before and behind make each source superfluous where they can lead;
+    (2, s)."""
     source = step.source
-    pivots = _pivots(source.value)
-    neighbours = np.abs(np.diff(source.travel, axis=0)) @ np.ones(source.travel.shape[1])
+    apart = ways(np.diff(source.travel, axis=0), step.around)
     if step.group_cost:
-        neighbours += step.group_cost * (source.group[1:] != source.group[:-1])
-    size, last = len(source.value), len(pivots)
-    cost = np.full((last + 2, size), inf)
-    cost[:last] = _table(source.take(pivots), source, step.group_cost)
-    cost[last, 1:] = source.value[:-1] + neighbours
-    cost[last + 1, :-1] = source.value[1:] + neighbours
+        apart += step.group_cost * (source.group[1:] != source.group[:-1])
+    before, behind = source.value[:-1], source.value[1:]
+    led = np.zeros((2, len(source.value)), dtype=np.bool_)
     # Of two that are the same in everything, neither makes the other superfluous.
-    cheaper = _of_others(source.value, pivots) < source.value
-    return (cost <= source.value) & cheaper, _of_others(source.heading_rad, pivots)
+    led[0, 1:] = (before + apart <= behind) & (before < behind)
+    led[1, :-1] = (behind + apart <= before) & (behind < before)
+    return led
 
 
-def _of_others(column: Floats, pivots: NDArray[np.intp]) -> Floats:
-    """A column (s,) at the pivots and at the neighbours (r, s); NaN where there is none."""
-    last = len(pivots)
-    others = np.full((last + 2, len(column)), np.nan)
-    others[:last] = column[pivots, None]
-    others[last, 1:] = column[:-1]
-    others[last + 1, :-1] = column[1:]
-    return others
+def _led_by_pivots(step: _Step, pivots: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Whether the pivots (p,) do; (p, s)."""
+    source = step.source
+    cost = _table(source.take(pivots), source, step)
+    return (cost <= source.value) & (source.value[pivots, None] < source.value)
 
 
 def _pivots(value: Floats) -> NDArray[np.intp]:
@@ -195,18 +198,49 @@ def _pivots(value: Floats) -> NDArray[np.intp]:
 
 
 def _without_superfluous(step: _Step) -> _Step:
-    """Where all turns are allowed, all can lead anywhere."""
-    leads, _ = _leads(step)
-    return replace(step, source=step.source.take(np.flatnonzero(~leads.any(axis=0))))
+    """Where all turns are allowed, all can lead anywhere: the cheapest makes most superfluous, and
+    if many are left, others are tried."""
+    source = step.source
+    cheapest = np.array([source.value.argmin()])
+    reached = source.value < inf
+    step = _with(step, np.flatnonzero(reached & ~_led_by_pivots(step, cheapest)[0]))
+    if _are_few(step):
+        return step
+    step = _with(step, _in_order(step.source))
+    step = _with(step, np.flatnonzero(~_led_by_neighbours(step).any(axis=0)))
+    if _are_few(step):
+        return step
+    led = _led_by_pivots(step, _pivots(step.source.value))
+    return _with(step, np.flatnonzero(~led.any(axis=0)))
+
+
+def _with(step: _Step, some: NDArray[np.intp]) -> _Step:
+    """The step from some of the sources."""
+    return replace(step, source=step.source.take(some))
+
+
+def _are_few(step: _Step) -> bool:
+    return len(step.source.value) * len(step.target.value) <= _FEW
+
+
+def _in_order(source: _Side) -> NDArray[np.intp]:
+    """The sources (s,) that are reached, so that neighbours have much to do with each other."""
+    order = np.argsort(source.heading_rad + 8.0 * source.group, kind="stable")
+    return order[source.value[order] < inf]
 
 
 def _needed(step: _Step) -> tuple[Floats, Floats]:
     """The least and the greatest turn (s,) for which each source may be needed; the former is the
     greater one where it is not."""
-    leads, heading_rad = _leads(step)
-    turn_rad = wrapped(heading_rad - step.source.heading_rad)
-    above_rad = np.where(leads & (turn_rad >= 0.0), turn_rad, inf).min(axis=0)
-    below_rad = np.where(leads & (turn_rad <= 0.0), turn_rad, -inf).max(axis=0)
+    heading_rad = step.source.heading_rad
+    pivots = _pivots(step.source.value)
+    others_rad = np.empty((len(pivots) + 2, len(heading_rad)))
+    others_rad[:-2] = heading_rad[pivots, None]
+    others_rad[-2], others_rad[-1] = np.roll(heading_rad, 1), np.roll(heading_rad, -1)
+    led = np.concatenate([_led_by_pivots(step, pivots), _led_by_neighbours(step)])
+    turn_rad = wrapped(others_rad - heading_rad)
+    above_rad = np.where(led & (turn_rad >= 0.0), turn_rad, inf).min(axis=0)
+    below_rad = np.where(led & (turn_rad <= 0.0), turn_rad, -inf).max(axis=0)
     limit_rad = step.limit_rad
     # What lies a turn above reaches from the turn less the limit on.
     return (

@@ -7,7 +7,7 @@ What is returned only formats numbers when it is iterated, a chunk at a time.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +24,9 @@ from drillc.output.acceptance import (
 from drillc.output.names import Kind, map_names, names_csv
 from drillc.output.numbers import Column, Fixed, Text, Whole
 from drillc.output.post import Option, PostProcessor, Task
+from drillc.output.pouring import Rows, StagedText
 from drillc.output.settings import read_settings
-from drillc.output.staging import Rows, Stage, StagingError
+from drillc.output.staging import Stage, StagingError
 from drillc.output.vias import (
     HOLES,
     Stretch,
@@ -35,7 +36,7 @@ from drillc.output.vias import (
     via_numbers,
     vias_before,
 )
-from drillc.planning.program import Program, Step
+from drillc.planning.program import Cycle, Program, Section, Step
 
 #: The table of changed names, beside a post's own files.
 NAMES_FILE = "names.csv"
@@ -49,11 +50,15 @@ class PostError(Exception):
 class OutFile:
     """A file to be written: its path under the output folder, with /, and its bytes in chunks.
 
-    `chunks` can be iterated more than once and gives the same bytes each time.
+    `chunks` can be iterated more than once and gives the same bytes each time. `staged` is the text
+    of a post's own file, whose bodies are rows of `program`, its marks that program's cycles and
+    sections.
     """
 
     path: str
     chunks: Iterable[bytes]
+    staged: StagedText | None = None
+    program: Program | None = None
 
     def read(self) -> bytes:
         """All of it at once: for tests and small files."""
@@ -277,7 +282,13 @@ def _rendered(post: PostProcessor, task: Task, parts: Sequence[Rows]) -> list[Ou
     kinds = _via_kinds(post, task)
     modules = _modules(post, task, parts, kinds)
     via_columns = _via_columns(post, task, parts, kinds)
-    stage = Stage(post.template_package, _columns(post, task), post.filters, via_columns)
+    stage = Stage(
+        post.template_package,
+        _columns(post, task),
+        post.filters,
+        via_columns,
+        _subject_of(task.program),
+    )
     context = context_of(post, task, modules)
     patterns = post.split_files if len(modules) > 1 else post.files
     files: list[OutFile] = []
@@ -285,8 +296,22 @@ def _rendered(post: PostProcessor, task: Task, parts: Sequence[Rows]) -> list[Ou
         for module in modules if "{module}" in pattern else modules[:1]:
             path = pattern.format(program=task.names.program, module=module.name)
             text = stage.render(template, {**context, "module": module}, post.newline)
-            files.append(OutFile(f"{post.name}/{path}", text))
+            files.append(OutFile(f"{post.name}/{path}", text, text, task.program))
     return files
+
+
+def _subject_of(program: Program) -> Callable[[object], Cycle | Section | None]:
+    """What the text of a template's loop is about, if it runs over cycles or over sections."""
+    starts = [section.start for section in program.sections]
+
+    def subject(item: object) -> Cycle | Section | None:
+        if isinstance(item, CycleView):
+            return program.cycles[item.index]
+        if isinstance(item, SectionView):
+            return program.sections[bisect_right(starts, item.rows.start) - 1]
+        return None
+
+    return subject
 
 
 def _columns(post: PostProcessor, task: Task) -> Mapping[str, Column]:

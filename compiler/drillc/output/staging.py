@@ -8,8 +8,8 @@ A template is ordinary Jinja, written for one hole. It is rendered once with a s
 
 `per_hole` runs the block a single time. Every `hole.…` is a `Slot`, which can be printed and
 nothing else; the text that results becomes a format string, and the columns are poured through it
-in blocks of rows. So layout stays in templates and speed does not depend on Jinja. What is poured
-in is never looked at again: no text from a spec can act as template code.
+in blocks of rows (`drillc.output.pouring`). So layout stays in templates and speed does not depend
+on Jinja. What is poured in is never looked at again: no text from a spec can act as template code.
 
 An arm's program has a second table, the vias that it passes between holes: `per_via` does for them
 what `per_hole` does for holes.
@@ -26,10 +26,10 @@ import difflib
 import functools
 import re
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib import resources
-from typing import Any, Literal, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from jinja2 import (
@@ -43,16 +43,14 @@ from jinja2 import (
 )
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
+from drillc.output.marks import CALL, Mark, MarkedLoops
 from drillc.output.numbers import Column, fixed
-
-#: Rows that are formatted at once: large enough that `%` dominates, small enough for the cache.
-BLOCK_ROWS = 2048
-#: Small pieces are joined until a chunk has about this many characters.
-CHUNK_CHARACTERS = 1 << 18
+from drillc.output.pouring import Body, Rows, StagedText, Table
 
 # A sentinel is "\x01kind number\x02". Letters of both cases are in it, so that a filter that
 # changes letters cannot pass unnoticed; control characters in any other text are refused (`_cut`).
-_SENTINEL = re.compile("\x01(Slot|Body)([0-9]+)\x02")
+_SENTINEL = re.compile("\x01(Slot|Body|Mark)([0-9]+)\x02")
+_MARK = re.compile("\x01Mark[0-9]+\x02")
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f]")
 
 
@@ -60,25 +58,11 @@ class StagingError(Exception):
     """A template does what staging cannot carry out; the message names template and line."""
 
 
-#: What the rows of a body are; the word that a template's author has for one of them.
-Table = Literal["hole", "via"]
 #: Where a template finds the rows of a table.
 _FOUND: Mapping[Table, str] = {
     "hole": "section.rows, section.first, section.rest",
     "via": "stretch.rows, of a stretch of vias",
 }
-
-
-@dataclass(frozen=True)
-class Rows:
-    """The holes, or vias, `start` … `stop`. True when there are any."""
-
-    start: int
-    stop: int
-    table: Table = "hole"
-
-    def __len__(self) -> int:
-        return max(0, self.stop - self.start)
 
 
 class Slot:
@@ -136,64 +120,13 @@ class Row:
         return Slot(f"{self._table}.{name}", self._columns.index(name), self._printed)
 
 
-@dataclass(frozen=True)
-class Body:
-    """The text of one `per_hole` or `per_via` block: a %-format for one row, its columns, and its
-    rows."""
-
-    format: str
-    columns: tuple[str, ...]
-    rows: Rows
-
-
-@dataclass(frozen=True, eq=False)
-class StagedText:
-    """A rendered template with its bodies still to be poured; can be iterated again and again."""
-
-    parts: tuple[str | Body, ...]
-    tables: Mapping[Table, Mapping[str, Column]]
-
-    def __iter__(self) -> Iterator[bytes]:
-        """The text as chunks of ASCII, never the whole file at once."""
-        waiting: list[str] = []
-        size = 0
-        for piece in self._pieces():
-            waiting.append(piece)
-            size += len(piece)
-            if size >= CHUNK_CHARACTERS:
-                yield "".join(waiting).encode("ascii")
-                waiting.clear()
-                size = 0
-        if waiting:
-            yield "".join(waiting).encode("ascii")
-
-    def _pieces(self) -> Iterator[str]:
-        for part in self.parts:
-            if isinstance(part, str):
-                yield part
-            else:
-                yield from _poured(part, self.tables[part.rows.table])
-
-
-def _poured(body: Body, columns: Mapping[str, Column]) -> Iterator[str]:
-    """The body's text for all its rows, a block of rows at a time."""
-    width = len(body.columns)
-    whole_block = body.format * BLOCK_ROWS if len(body.rows) >= BLOCK_ROWS else ""
-    for start in range(body.rows.start, body.rows.stop, BLOCK_ROWS):
-        stop = min(start + BLOCK_ROWS, body.rows.stop)
-        count = stop - start
-        flat: list[object] = [None] * (width * count)
-        for place, name in enumerate(body.columns):
-            flat[place::width] = columns[name].cells(start, stop)
-        yield (whole_block if count == BLOCK_ROWS else body.format * count) % tuple(flat)
-
-
 class Stage:
     """Renders the templates of one package against one set of columns.
 
     `columns` are the per-hole values, all of the same length; `via_columns` the per-via values.
-    `filters` are a post's own filters beside `fixed`. Holds no state between renderings but Jinja's
-    cache of compiled templates.
+    `filters` are a post's own filters beside `fixed`. `subject_of` says what the text of a loop is
+    about, given an item that it runs over: a subject for `Mark`, or None. Holds no state between
+    renderings but Jinja's cache of compiled templates.
     """
 
     def __init__(
@@ -202,12 +135,14 @@ class Stage:
         columns: Mapping[str, Column],
         filters: Mapping[str, Callable[..., Any]] | None = None,
         via_columns: Mapping[str, Column] | None = None,
+        subject_of: Callable[[object], object] = lambda item: None,
     ) -> None:
         self._package = package
         self._tables: dict[Table, Mapping[str, Column]] = {
             "hole": columns,
             "via": via_columns or {},
         }
+        self._subject_of = subject_of
         self._templates: dict[str, str] = {}  # file → template, to say where a mistake is
         self._environment = ImmutableSandboxedEnvironment(
             loader=FunctionLoader(self._load),
@@ -217,6 +152,7 @@ class Stage:
             trim_blocks=True,
             lstrip_blocks=True,
             keep_trailing_newline=True,
+            extensions=[MarkedLoops],
         )
         self._environment.filters.update({"fixed": fixed, **(filters or {})})
         tables: tuple[Any, ...] = (self._environment.filters, self._environment.tests)
@@ -227,8 +163,8 @@ class Stage:
         self, template: str, context: Mapping[str, object], newline: str = "\n"
     ) -> StagedText:
         """Render `template` once. Raises `StagingError` for every mistake in the template."""
-        bodies = _Bodies(self._tables)
-        blocks = {"per_hole": bodies.per_hole, "per_via": bodies.per_via}
+        bodies = _Bodies(self._tables, self._subject_of)
+        blocks = {"per_hole": bodies.per_hole, "per_via": bodies.per_via, CALL: bodies.about}
         try:
             compiled = self._environment.get_template(template)
             text = compiled.render({**context, **blocks})
@@ -248,11 +184,17 @@ class Stage:
 
 
 class _Bodies:
-    """The bodies of one rendering."""
+    """The bodies and the marks of one rendering."""
 
-    def __init__(self, tables: Mapping[Table, Mapping[str, Column]]) -> None:
+    def __init__(
+        self,
+        tables: Mapping[Table, Mapping[str, Column]],
+        subject_of: Callable[[object], object],
+    ) -> None:
         self._tables = tables
+        self._subject_of = subject_of
         self._bodies: list[Body] = []
+        self._marks: list[Mark] = []
         self._inside = False
 
     def per_hole(self, rows: Rows, caller: Callable[[Row], str] | None = None) -> str:
@@ -262,6 +204,14 @@ class _Bodies:
     def per_via(self, rows: Rows, caller: Callable[[Row], str] | None = None) -> str:
         """What templates call as `{% call(via) per_via(stretch.rows) %} … {% endcall %}`."""
         return self._staged("via", rows, caller)
+
+    def about(self, item: object, begins: bool) -> str:
+        """What every loop calls; see `drillc.output.marks`."""
+        subject = None if self._inside else self._subject_of(item)
+        if subject is None:
+            return ""
+        self._marks.append(Mark(subject, begins))
+        return f"\x01Mark{len(self._marks) - 1}\x02"
 
     def _staged(self, table: Table, rows: Rows, caller: Callable[[Row], str] | None) -> str:
         block = f"per_{table}"
@@ -281,7 +231,7 @@ class _Bodies:
         return f"\x01Body{len(self._bodies) - 1}\x02"
 
     def _body(self, text: str, printed: list[int], rows: Rows) -> Body:
-        literals, kinds, numbers = _cut(text)
+        literals, kinds, numbers = _cut(_MARK.sub("", text))
         if "Body" in kinds or sorted(numbers) != sorted(printed):
             raise StagingError(
                 f"a value of the {rows.table} was kept, tested or dropped instead of printed where"
@@ -295,19 +245,26 @@ class _Bodies:
         format_ = escaped[0] + "".join(map("".join, zip(conversions, escaped[1:], strict=True)))
         return Body(format_, names, rows)
 
-    def split(self, text: str, newline: str) -> tuple[str | Body, ...]:
-        """The rendered text as literals and bodies, in order, with `newline` ending every line."""
+    def split(self, text: str, newline: str) -> tuple[str | Body | Mark, ...]:
+        """The rendered text as literals, bodies and marks, in order, with `newline` ending every
+        line."""
         literals, kinds, numbers = _cut(text)
         if "Slot" in kinds:
             raise StagingError(
                 "a value of a row was printed outside of its per_hole or per_via block"
             )
-        if numbers != list(range(len(self._bodies))):
+        pieces = list(zip(kinds, numbers, strict=True))
+        if [number for kind, number in pieces if kind == "Body"] != list(range(len(self._bodies))):
             raise StagingError("the text of a per_hole or per_via block was kept, dropped or moved")
         literals = [literal.replace("\n", newline) for literal in literals]
-        parts: list[str | Body] = [literals[0]]
-        for body, literal in zip(self._bodies, literals[1:], strict=True):
-            parts += [replace(body, format=body.format.replace("\n", newline)), literal]
+        parts: list[str | Body | Mark] = [literals[0]]
+        for (kind, number), literal in zip(pieces, literals[1:], strict=True):
+            if kind == "Mark":
+                parts.append(self._marks[number])
+            else:
+                body = self._bodies[number]
+                parts.append(replace(body, format=body.format.replace("\n", newline)))
+            parts.append(literal)
         return tuple(part for part in parts if part)
 
 

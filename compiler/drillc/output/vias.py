@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drillc.language.job import Ints, Texts
-from drillc.output.staging import Rows
+from drillc.output.pouring import Rows
 from drillc.planning.program import ArmMotion, Program
 
 #: The kind of a stretch of holes.

@@ -12,7 +12,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 import drillc
@@ -29,12 +29,14 @@ def write_outputs(
     job: Job,
     report: Report,
     *,
+    posts: Sequence[str] = (),
     verified: bool = False,
     before_move: Callable[[Path], None] | None = None,
 ) -> list[Path]:
     """Write `files` and the manifest as the new content of `directory`; their paths, sorted.
 
-    `before_move` is called with the finished temporary folder; whatever it raises stops everything.
+    `posts` wrote them; each has a folder of its own. `before_move` is called with the finished
+    temporary folder; whatever it raises stops everything.
     Raises `Refused` when `directory` holds files that drillc did not write, or cannot be written.
     After any exception the directory is as it was, and the temporary folder is gone.
     """
@@ -46,7 +48,7 @@ def write_outputs(
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary.mkdir()
         outputs = _pour(temporary, files)
-        _write_manifest(temporary, _input_hashes(job), outputs, verified)
+        _write_manifest(temporary, job, posts, outputs, verified)
         if before_move is not None:
             before_move(temporary)
         _swap(temporary, target, directory, report)
@@ -149,18 +151,16 @@ def _pour(folder: Path, files: Iterable[OutFile]) -> dict[str, str]:
     return hashes
 
 
-def _input_hashes(job: Job) -> dict[str, str]:
-    return {source.key: source.sha256 for source in job.inputs}
-
-
 def _write_manifest(
-    folder: Path, inputs: Mapping[str, str], outputs: Mapping[str, str], verified: bool
+    folder: Path, job: Job, posts: Sequence[str], outputs: Mapping[str, str], verified: bool
 ) -> None:
     """No time stamp and no absolute path: the manifest too is a function of the inputs."""
     manifest = {
         "drillc": drillc.__version__,
-        "inputs": inputs,
+        "inputs": {source.key: source.sha256 for source in job.inputs},
         "outputs": outputs,
+        "posts": sorted(posts),
+        "spec": job.inputs[0].key if job.inputs else "",
         "verified": verified,
     }
     text = json.dumps(manifest, indent=2, sort_keys=True) + "\n"

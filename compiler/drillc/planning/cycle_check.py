@@ -122,7 +122,14 @@ def join(parts: Sequence[Candidates]) -> Candidates:
     """Several lists as one, sorted by hole."""
     names = [f.name for f in fields(Candidates)]
     whole = Candidates(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in names})
-    return whole.take(np.argsort(whole.row, kind="stable"))
+    return _sorted(whole)
+
+
+def _sorted(candidates: Candidates) -> Candidates:
+    """Sorted by hole; not copied where they are."""
+    if (candidates.row[1:] >= candidates.row[:-1]).all():
+        return candidates
+    return candidates.take(np.argsort(candidates.row, kind="stable"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,18 +178,17 @@ def _assess(
     heading_rad: Floats,
     wanted: NDArray[np.bool_],
 ) -> Assessment:
-    path, places = _path(cell, cycles, row, heading_rad)  # (k, K, 8, 6), (k, 3, 8, 6)
-    everywhere = np.concatenate([path, places], axis=1)
-    lost = np.isnan(everywhere).any(axis=(1, 3)) | ~wanted
-    jump = np.abs(np.diff(path, axis=1)).max(axis=(1, 3), initial=0.0) > JUMP_RAD
-    bend = np.nanmin(
-        np.where(lost[:, None], np.inf, singularity(cell.geometry, path).wrist_rad), axis=1
-    )
-    bulge = np.abs(np.diff(path, n=2, axis=1)).max(axis=1, initial=0.0) * BULGE
-    low, high = everywhere.min(axis=1) - bulge, everywhere.max(axis=1) + bulge  # (k, 8, 6)
+    everywhere, steps = _everywhere(cell, cycles, row, heading_rad)  # (K + 3, k, 8, 6)
+    path, places = everywhere[:steps], everywhere[steps:]
+    low, high = everywhere.min(axis=0), everywhere.max(axis=0)  # (k, 8, 6), NaN where one is
+    lost = np.isnan(low).any(axis=2) | ~wanted
+    jump = np.abs(np.diff(path, axis=0)).max(axis=0, initial=0.0).max(axis=2) > JUMP_RAD
+    bend = np.where(lost, np.inf, singularity(cell.geometry, path).wrist_rad.min(axis=0))
+    bulge = np.abs(np.diff(path, n=2, axis=0)).max(axis=0, initial=0.0) * BULGE
+    low, high = low - bulge, high + bulge
     over, joint = _overstep(cell, low, high)
     outside = over > SLACK_RAD
-    cause = np.zeros((len(path), 8), dtype=np.int32)
+    cause = np.zeros((len(row), 8), dtype=np.int32)
     for bad, why in ((jump, JUMP), (bend < cell.singular_rad, SINGULAR), (outside, LIMIT)):
         cause[bad] = why
     cause[lost] = REACH
@@ -191,16 +197,15 @@ def _assess(
     if len(at):
         once, again = _looking_different(cell, at, branch)
         some, which = at[once], branch[once]
-        guard, link = _link_hits(
-            cell, cycles, row[some], heading_rad[some], which, path[some, :, which]
-        )
+        along = path[:, some, which].transpose(1, 0, 2)
+        guard, link = _link_hits(cell, cycles, row[some], heading_rad[some], which, along)
         guard, link = guard[again], link[again]
         hit = guard >= 0
         cause[at[hit], branch[hit]] = HIT + guard[hit]
         mover[at[hit], branch[hit]] = link[hit]
         at, branch = at[~hit], branch[~hit]
     which, turn, margin = _windings(cell, low[at, branch], high[at, branch])
-    surface, standoff, leave = (places[at[which], i, branch[which]] + turn for i in range(3))
+    surface, standoff, leave = (places[i, at[which], branch[which]] + turn for i in range(3))
     candidates = Candidates(
         row[at[which]],
         heading_rad[at[which]],
@@ -211,30 +216,26 @@ def _assess(
         margin,
         bend[at[which], branch[which]],
     )
-    order = np.argsort(candidates.row, kind="stable")
-    return Assessment(cause, over, joint, bend, mover, candidates.take(order))
+    return Assessment(cause, over, joint, bend, mover, _sorted(candidates))
 
 
-def _path(
+def _everywhere(
     cell: Cell, cycles: Cycles, row: NDArray[np.int64], heading_rad: Floats
-) -> tuple[Floats, Floats]:
-    """All branches along the way, from the outmost standoff to the depth, and at the surface, at
-    the standoff and where the tool leaves; each continued from the surface's."""
-    count = len(row)
+) -> tuple[Floats, int]:
+    """All branches (K + 3, k, 8, 6) along the way, from the outmost standoff to the depth, then at
+    the surface, at the standoff and where the tool leaves; each continued from the surface's. And
+    K, the places along the way. They come first: what is asked of them is the same for all holes.
+    """
     out, depth = cycles.out_mm[row], cycles.depth_mm[row]
     steps = 1 + max(1, int(np.ceil((out + depth).max(initial=0.0) / STEP_MM)))
-    share = np.linspace(0.0, 1.0, steps)
-    along = -out[:, None] + (out + depth)[:, None] * share
-    special = np.stack([np.zeros(count), -cycles.approach_mm[row], -cycles.retract_mm[row]], axis=1)
-    depths = np.concatenate([along, special], axis=1)  # (k, K + 3)
-    wide = depths.shape[1]
-    rows = np.repeat(row, wide)
-    rotation = np.repeat(cycles.turned(row, heading_rad), wide, axis=0)
+    share = np.linspace(0.0, 1.0, steps)[:, None]
+    special = [np.zeros(len(row)), -cycles.approach_mm[row], -cycles.retract_mm[row]]
+    depths = np.concatenate([-out + (out + depth) * share, special])  # (K + 3, k)
+    rotation = np.tile(cycles.turned(row, heading_rad), (len(depths), 1, 1))
+    rows = np.tile(row, len(depths))
     joints = cell.branches(rotation, cycles.at_depth(rows, depths.ravel()))
-    joints = joints.reshape(count, wide, 8, 6)
-    surface = joints[:, steps : steps + 1]
-    joints = joints - 2 * np.pi * np.round((joints - surface) / (2 * np.pi))
-    return joints[:, :steps], joints[:, steps:]
+    joints = joints.reshape(*depths.shape, 8, 6)
+    return joints - 2 * np.pi * np.round((joints - joints[steps]) / (2 * np.pi)), steps
 
 
 def _overstep(cell: Cell, low: Floats, high: Floats) -> tuple[Floats, Ints]:

@@ -212,9 +212,13 @@ def _exact(
 
 
 def _distinct(candidates: Candidates) -> Candidates:
-    """Without candidates that repeat a hole, heading, branch and winding."""
-    key = np.column_stack(
-        [candidates.row, candidates.heading_rad, candidates.branch, candidates.joints]
-    )
-    _, first = np.unique(key, axis=0, return_index=True)
-    return candidates.take(np.sort(first))
+    """Without candidates that repeat a hole and heading: what is found there is always the same."""
+    row, heading = candidates.row, candidates.heading_rad
+    new = np.ones(len(row), dtype=np.bool_)
+    new[1:] = (row[1:] != row[:-1]) | (heading[1:] != heading[:-1])
+    first = np.flatnonzero(new)
+    order = np.lexsort((heading[first], row[first]))
+    row, heading = row[first[order]], heading[first[order]]
+    once = np.ones(len(first), dtype=np.bool_)
+    once[order[1:]] = (row[1:] != row[:-1]) | (heading[1:] != heading[:-1])
+    return candidates.take(np.repeat(once, np.diff(np.append(first, len(candidates)))))

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drillc.kernels.ladder import Choice, Ladder, best_ladder
+from drillc.kernels.ladder import Choice, Ladder
 from drillc.kernels.posture import heading_turn_rad
+from drillc.kernels.wound_ladder import best_wound_ladder
 from drillc.language.job import Floats, Weights
 from drillc.planning.cell import Cell
 from drillc.planning.cycle_check import (
@@ -116,19 +117,25 @@ def _best(
         )
         for which, joints in ends:
             cost[which] += np.abs(joints[which] - home) @ weight
-    return best_ladder(
-        Ladder(
-            joints=candidates.standoff,
-            start=np.searchsorted(candidates.row, np.arange(count + 1)),
-            cost=cost,
-            heading_rad=candidates.heading_rad,
-            jump_rad=jump_rad,
-            jump_limit_rad=jump_limit_rad,
-            weight=weight,
-            group=candidates.branch,
-            group_cost=BRANCH_CHANGE_S,
-        )
+    ladder = Ladder(
+        joints=candidates.standoff,
+        start=np.searchsorted(candidates.row, np.arange(count + 1)),
+        cost=cost,
+        heading_rad=candidates.heading_rad,
+        jump_rad=jump_rad,
+        jump_limit_rad=jump_limit_rad,
+        weight=weight,
+        group=candidates.branch,
+        group_cost=BRANCH_CHANGE_S,
     )
+    return best_wound_ladder(ladder, _poses(candidates))
+
+
+def _poses(candidates: Candidates) -> Rows:
+    """A number (m,) for what candidates that follow each other are windings of."""
+    columns = candidates.row, candidates.heading_rad, candidates.branch
+    changes = [column[1:] != column[:-1] for column in columns]
+    return np.cumsum(np.append(False, np.any(changes, axis=0)))
 
 
 def closeness(candidates: Candidates) -> Floats:

@@ -21,6 +21,10 @@ LEAST = 8
 #: A stretch may repeat so many lines at a time.
 MOST_LINES = 4
 _SLOT = re.compile("[\x01\x02]")
+#: A shape that has come so often is looked for before a line is taken apart.
+_OFTEN = 4
+#: Slots next to what could be part of a number or name: the shape does not tell where they end.
+_TOUCHED = re.compile("[\x01\x02][\\w.\x01\x02]")
 
 Shape = tuple[str, Sequence[str]]
 
@@ -45,7 +49,8 @@ class Stretch:
 
     def numbers(self, slot: int) -> NDArray[np.float64]:
         """The numbers (count,) in a slot."""
-        return np.array(self.columns[slot], dtype=np.str_).astype(np.float64)
+        column = self.columns[slot]
+        return np.fromiter(map(float, column), dtype=np.float64, count=len(column))
 
 
 def shapes_by(token: re.Pattern[str], names: Collection[str]) -> Callable[[str], Shape]:
@@ -55,7 +60,7 @@ def shapes_by(token: re.Pattern[str], names: Collection[str]) -> Callable[[str],
     becomes a slot only if it is in `names`, which hold upper case.
     """
 
-    def shape(line: str) -> Shape:
+    def taken_apart(line: str) -> Shape:
         held: list[str] = []
 
         def slot(match: re.Match[str]) -> str:
@@ -70,7 +75,45 @@ def shapes_by(token: re.Pattern[str], names: Collection[str]) -> Callable[[str],
 
         return token.sub(slot, line), held
 
+    times: dict[str, int] = {}
+    often: list[_Often] = []
+
+    def shape(line: str) -> Shape:
+        for place, known in enumerate(often):
+            match = known.pattern.fullmatch(line)
+            if match is None:
+                continue
+            held = match.groups()
+            if all(held[k].upper() in names for k in known.name_slots):
+                if place:
+                    often.insert(0, often.pop(place))
+                return known.shape, held
+        shown, slots = taken_apart(line)
+        times[shown] = times.get(shown, 0) + 1
+        if times[shown] == _OFTEN and slots and not _TOUCHED.search(shown):
+            often.insert(0, _often(shown))
+            del often[MOST_LINES:]
+        return shown, slots
+
     return shape
+
+
+@dataclass(frozen=True, eq=False)
+class _Often:
+    """A shape as a pattern with a group for each slot."""
+
+    shape: str
+    pattern: re.Pattern[str]
+    name_slots: tuple[int, ...]
+
+
+def _often(shape: str) -> _Often:
+    slots = _SLOT.findall(shape)
+    groups = {NUMBER_SLOT: r"(-?\d+(?:\.\d+)?)", NAME_SLOT: r"([A-Za-z_]\w*)"}
+    parts = re.split("([\x01\x02])", shape)
+    pattern = "".join(groups.get(part) or re.escape(part) for part in parts)
+    name_slots = tuple(k for k, slot in enumerate(slots) if slot == NAME_SLOT)
+    return _Often(shape, re.compile(pattern), name_slots)
 
 
 def stretches(lines: Sequence[str], shape: Callable[[str], Shape]) -> list[Stretch]:
@@ -79,7 +122,7 @@ def stretches(lines: Sequence[str], shape: Callable[[str], Shape]) -> list[Stret
     held: list[Sequence[str]] = []
     ids = np.empty(len(lines), dtype=np.int64)
     for i, line in enumerate(lines):
-        if _SLOT.search(line):
+        if NUMBER_SLOT in line or NAME_SLOT in line:
             ids[i] = -1 - i
             held.append(())
             continue
@@ -101,10 +144,12 @@ def stretches(lines: Sequence[str], shape: Callable[[str], Shape]) -> list[Stret
             i += 1
             continue
         text = _numbered([texts[k] for k in ids[i : i + best]])
-        rows = [
-            [value for slots in held[start : start + best] for value in slots]
-            for start in range(i, i + count * best, best)
-        ]
+        rows = held[i : i + count]
+        if best > 1:
+            rows = [
+                [value for slots in held[start : start + best] for value in slots]
+                for start in range(i, i + count * best, best)
+            ]
         found.append(Stretch(i + 1, count, text, tuple(zip(*rows, strict=True))))
         i += count * best
     return found

@@ -7,8 +7,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from .events import Floats
-from .made import Made, Step
+from .made import MOVE_STEP, Made, Step
 from .matching import Marks, Matcher, Rows
+
+#: What the strokes to the bottom are called, taken together.
+PLUNGE = "plunge"
 
 
 @dataclass(frozen=True)
@@ -181,6 +184,7 @@ def step_changes(
     before: tuple[Step, ...], after: tuple[Step, ...], tolerance: Tolerance
 ) -> tuple[str, ...]:
     """What is done otherwise, in words; where steps come or go, which."""
+    before, after = _with_plunge(before), _with_plunge(after)
     if [step.what for step in before] != [step.what for step in after]:
         return tuple(_edits(before, after))
     words = []
@@ -193,9 +197,33 @@ def step_changes(
         }
         for name, limit in limits.items():
             a, b = getattr(one, name), getattr(two, name)
+            if name == "speed_mm_s" and (np.isnan(a) or np.isnan(b)):
+                continue  # not stated, as on a way by joints
             if (np.isnan(a) != np.isnan(b)) or abs(a - b) > limit:
-                words.append(f"{_called(one)}: {_SHOWN[name]} {_number(a)} -> {_number(b)}")
+                shown = "pecks in mm" if one.what == PLUNGE and name == "value" else _SHOWN[name]
+                words.append(f"{_called(one)}: {shown} {_number(a)} -> {_number(b)}")
     return tuple(dict.fromkeys(words))
+
+
+def _with_plunge(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """The strokes to the bottom, with what lies between them, as one step that says how deep each
+    peck is: a list of their moves tells nobody anything."""
+    bottom = next((i for i, step in enumerate(steps) if step.depth_mm == 0.0), None)
+    if bottom is None:
+        return steps
+    feed, deepest, strokes = steps[bottom].speed_mm_s, -np.inf, []
+    for i, step in enumerate(steps[: bottom + 1]):
+        if step.what == MOVE_STEP and step.depth_mm > deepest:
+            deepest = step.depth_mm
+            if i and step.speed_mm_s == feed:
+                strokes.append(i)
+    if not strokes or strokes[-1] != bottom:
+        return steps
+    first = strokes[0]
+    peck = np.nan
+    if len(strokes) > 1 and steps[first - 1].what == MOVE_STEP:
+        peck = round(steps[first].depth_mm - steps[first - 1].depth_mm, 4)
+    return (*steps[:first], Step(PLUNGE, 0.0, feed, peck), *steps[bottom + 1 :])
 
 
 _SHOWN = {
@@ -209,6 +237,8 @@ _SHOWN = {
 def _called(step: Step) -> str:
     if np.isnan(step.depth_mm):
         return step.what
+    if step.what == PLUNGE:
+        return "the plunge"
     return "the bottom" if step.depth_mm == 0.0 else f"the move to {-step.depth_mm:.3f} mm out"
 
 
@@ -296,8 +326,8 @@ def _extent(changed: tuple[Change, ...]) -> list[str]:
     ):
         figures = [value for change in changed if (value := getattr(change, name)) is not None]
         if len(figures) > 1:
-            low, high = min(figures), max(figures)
-            lines.append(f"  {said}: {len(figures):,} holes, by {low:.3f} .. {high:.3f} {unit}")
+            ends = dict.fromkeys((f"{min(figures):.3f}", f"{max(figures):.3f}"))
+            lines.append(f"  {said}: {len(figures):,} holes, by {' .. '.join(ends)} {unit}")
     return lines
 
 

@@ -15,13 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .events import Alternative, Events, Kind, Step, ToolFrame, blank, joined
+from .events import Alternative, Events, Kind, Step, ToolFrame, blank
 from .reading import ReadError
 from .statements import (
     At,
@@ -36,14 +36,25 @@ from .statements import (
     Statement,
     While,
 )
-from .values import Lanes, NotUniform, Value, copied, gathered, last_lane, passed_on, same, select
+from .values import (
+    Lanes,
+    NotUniform,
+    Value,
+    carried,
+    copied,
+    gathered,
+    last_lane,
+    passed_on,
+    same,
+    select,
+)
 
 #: A loop that runs longer than this never ends.
 MOST_TURNS = 100_000
 #: Routines that call one another deeper than this never return.
 DEEPEST = 50
 #: How often lanes are run before they are run one by one instead.
-_MOST_TRIES = 4
+_MOST_TRIES = 6
 
 
 class Undecided:
@@ -85,10 +96,12 @@ class _Made:
 
 @dataclass(frozen=True)
 class _Choice:
-    """A choice that a batch came by: how many events had happened, where, and whether it waits."""
+    """A choice that a batch came by: how many events had happened, where, in which statement of
+    the body, and whether it waits."""
 
     events: int
     at: At
+    top: int
     timeout: bool
 
 
@@ -123,6 +136,7 @@ class Machine:
     _other_way: int | None = None  # the choice at which the other way is taken
     _top: int = 0
     _at: At = field(default_factory=lambda: At(-1, 0))
+    _running: tuple[_Batch, Lanes] | None = None
 
     # ── what readers use in their functions ──────────────────────────────────────────────────────
 
@@ -134,7 +148,11 @@ class Machine:
 
     @property
     def at(self) -> At:
-        """The statement that is being run."""
+        """The statement that is being run; of repeated ones, that in the first lane."""
+        if self._running is not None:
+            batch, lanes = self._running
+            if self._top < len(batch.body) and _stands_at(batch.body[self._top], self._at):
+                return At(batch.file, int(batch.lines[lanes[0], self._top]))
         return self._at
 
     def column(self, number: int) -> Value:
@@ -166,6 +184,11 @@ class Machine:
         self.emit(Kind.WAIT, signal=self.signal(signal), value=value, timeout_s=timeout_s)
         return not self._choose(timeout=True)
 
+    def part(self, truth: NDArray[np.bool_]) -> NoReturn:
+        """Let lanes go on apart: those for which `truth` (lanes,) holds, and the others. It holds
+        for some and not for all."""
+        raise _Parted(truth)
+
     def stop(self) -> None:
         """End the program for good."""
         self.emit(Kind.STOP)
@@ -173,7 +196,7 @@ class Machine:
 
     def fail(self, message: str) -> ReadError:
         """An error at the statement that is being run, to be raised."""
-        return ReadError(self._at.file, self._at.line, 1, message)
+        return ReadError(self.at.file, self.at.line, 1, message)
 
     # ── the program ──────────────────────────────────────────────────────────────────────────────
 
@@ -248,8 +271,15 @@ class Machine:
         count = len(everything)
         first = copied(self.state)
         begin = first
+        wrote: Value = None
         for _ in range(_MOST_TRIES):
-            paths = self._paths(batch, begin, everything, None)
+            try:
+                paths = self._paths(batch, begin, everything, None)
+            except ReadError:
+                if count == 1:
+                    raise
+                # It may come of a guess at how a lane begins. If not, it comes again, in its lane.
+                raise NotUniform from None
             if count == 1:
                 break
             if any(path.stopped for path in paths):
@@ -258,7 +288,7 @@ class Machine:
             again = passed_on(first, ends, count)
             if same(again, begin):
                 break
-            begin = again
+            begin, wrote = carried(first, begin, ends, wrote, count)
         else:
             raise NotUniform
         return begin, paths
@@ -281,12 +311,11 @@ class Machine:
     def _alternative(self, batch: _Batch, path: _Path, choice: _Choice) -> Alternative:
         made = path.made[choice.events :]
         lanes = len(path.lanes)
-        top = path.made[choice.events - 1].top if choice.events else 0
         return Alternative(
             events=_flat(batch, path.lanes, made, len(self.axes)),
             starts=np.arange(lanes + 1) * len(made),
             call_file=np.full(lanes, batch.file, dtype=np.int32),
-            call_line=batch.lines[path.lanes, top],
+            call_line=batch.lines[path.lanes, choice.top],
             file=choice.at.file,
             line=choice.at.line,
             timeout=choice.timeout,
@@ -302,6 +331,7 @@ class Machine:
         whole = self.state
         self.state = copied(select(begin, lanes))
         self._made, self._choices, self._other_way = [], [], other_way
+        self._running = (batch, lanes)
         stopped = False
         try:
             for top, statement in enumerate(batch.body):
@@ -313,6 +343,9 @@ class Machine:
             self.state = whole
             sides = (lanes[parted.truth], lanes[~parted.truth])
             return [path for side in sides for path in self._paths(batch, begin, side, other_way)]
+        except (NotUniform, ReadError):
+            self.state = whole
+            raise
         path = _Path(lanes, self._made, self._choices, self.state, stopped)
         self.state = whole
         return [path]
@@ -321,7 +354,8 @@ class Machine:
 
     def _run(self, statement: Statement, depth: int) -> None:
         if isinstance(statement, Repeated):
-            raise self.fail("a routine that is called as a whole holds too many alike lines")
+            self._one_by_one(statement, depth)
+            return
         self._at = statement.at
         match statement:
             case Do():
@@ -339,6 +373,17 @@ class Machine:
                 raise _Exit
             case Return():
                 raise _Return
+
+    def _one_by_one(self, repeated: Repeated, depth: int) -> None:
+        """Repeated statements within a routine that is run as a whole, or a loop."""
+        outer = self._columns
+        for lane, lines in enumerate(repeated.lines.tolist()):
+            only = np.array([lane])
+            self._columns = [last_lane(_of_lanes(column, only)) for column in repeated.columns]
+            for statement, line in zip(repeated.body, lines, strict=True):
+                here = replace(statement, at=At(repeated.file, line))  # type: ignore[arg-type]
+                self._run(here, depth)
+        self._columns = outer
 
     def _all(self, body: Sequence[Statement], depth: int) -> None:
         for statement in body:
@@ -394,7 +439,7 @@ class Machine:
 
     def _choose(self, timeout: bool) -> bool:
         """False, but True at the choice at which the other way is to be taken."""
-        self._choices.append(_Choice(len(self._made), self._at, timeout))
+        self._choices.append(_Choice(len(self._made), self._at, self._top, timeout))
         return len(self._choices) - 1 == self._other_way
 
 
@@ -421,39 +466,52 @@ def _in_order(batch: _Batch, paths: Sequence[_Path], axes: int) -> Events:
     """The events of all paths, lane by lane."""
     if len(paths) == 1:
         return _flat(batch, paths[0].lanes, paths[0].made, axes)
-    lane = np.concatenate([np.repeat(path.lanes, len(path.made)) for path in paths])
-    events = joined([_flat(batch, path.lanes, path.made, axes) for path in paths])
-    return events.take(np.argsort(lane, kind="stable"))
+    each = np.empty(sum(len(path.lanes) for path in paths), dtype=np.intp)
+    for path in paths:
+        each[path.lanes] = len(path.made)
+    starts = np.cumsum(each) - each
+    events = blank(int(each.sum()), axes)
+    for path in paths:
+        rows = [starts[path.lanes] + k for k in range(len(path.made))]
+        _fill_in(events, rows, batch, path.lanes, path.made)
+    return events
 
 
 def _flat(batch: _Batch, lanes: Lanes, made: Sequence[_Made], axes: int) -> Events:
     """Events of some lanes: all of the first lane, all of the second, and so on."""
-    count, each = len(lanes), len(made)
-    events = blank(count * each, axes)
-    for name in ("kind", "file", "line", "call_file", "call_line"):
-        column = getattr(events, name).reshape(count, each)
-        for k, event in enumerate(made):
-            column[:, k] = {
-                "kind": event.kind,
-                "file": event.at.file,
-                "line": event.at.line,
-                "call_file": batch.file,
-                "call_line": batch.lines[lanes, event.top],
-            }[name]
-    for k, event in enumerate(made):
-        if event.at.file == batch.file and _is_top(batch, event):
-            events.line.reshape(count, each)[:, k] = batch.lines[lanes, event.top]
-        for name, value in event.fields.items():
-            whole = getattr(events, name)
-            whole.reshape(count, each, *whole.shape[1:])[:, k] = value
+    each = len(made)
+    events = blank(len(lanes) * each, axes)
+    _fill_in(events, [slice(k, None, each) for k in range(each)], batch, lanes, made)
     return events
+
+
+def _fill_in(
+    events: Events,
+    rows: Sequence[slice | NDArray[np.intp]],
+    batch: _Batch,
+    lanes: Lanes,
+    made: Sequence[_Made],
+) -> None:
+    """Write what some lanes made: event k of all lanes into `rows[k]`."""
+    for row, event in zip(rows, made, strict=True):
+        lines = batch.lines[lanes, event.top]
+        events.kind[row] = event.kind
+        events.file[row] = event.at.file
+        events.line[row] = lines if _is_top(batch, event) else event.at.line
+        events.call_file[row] = batch.file
+        events.call_line[row] = lines
+        for name, value in event.fields.items():
+            getattr(events, name)[row] = value
 
 
 def _is_top(batch: _Batch, event: _Made) -> bool:
     """Whether an event is made by a statement of the body itself, which has another line in each
     lane: its own place is that of the first lane."""
-    statement = batch.body[event.top]
-    return not isinstance(statement, Repeated) and statement.at == event.at
+    return _stands_at(batch.body[event.top], event.at)
+
+
+def _stands_at(statement: Statement, at: At) -> bool:
+    return not isinstance(statement, Repeated) and statement.at == at
 
 
 def _alike(one: Any, two: Any) -> bool:

@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 
 from .events import Floats, Ints
 
+#: What a step is called that is a move.
+MOVE_STEP = "go"
+
 
 @dataclass(frozen=True)
 class Step:
-    """One step at a hole. `what` names a move ("go") or a signal; `depth_mm` of a move counts from
+    """One step at a hole. `what` is `MOVE_STEP` or names a signal; `depth_mm` of a move counts from
     the bottom, so outwards is negative. NaN where a number says nothing."""
 
     what: str

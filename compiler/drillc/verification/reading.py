@@ -78,6 +78,8 @@ class Reader(ABC):
     #: The name of the post whose programs it reads.
     name: ClassVar[str]
     precision: ClassVar[Precision]
+    #: Whether the language has its own words for the spindle (`Kind.SPINDLE`).
+    native_spindle: ClassVar[bool] = False
 
     @abstractmethod
     def read(self, files: Mapping[str, bytes]) -> Sequence[Run]:

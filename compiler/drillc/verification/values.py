@@ -92,6 +92,30 @@ def passed_on(first: Value, ends: Value, count: int) -> Value:
     return whole
 
 
+def carried(
+    first: Value, begin: Value, ends: Value, wrote: Value, count: int
+) -> tuple[Value, Value]:
+    """A guess at what each lane begins with, better than `passed_on` gives: a lane that was never
+    seen to end with another value than it began with hands on what comes to it. Also which lanes
+    were seen to, for the next guess (`wrote`; None for the first). Raises NotUniform."""
+    if isinstance(first, dict) and isinstance(ends, dict) and first.keys() == ends.keys():
+        parts = {
+            key: carried(first[key], begin[key], ends[key], wrote and wrote.get(key), count)
+            for key in first
+        }
+        return {key: p[0] for key, p in parts.items()}, {key: p[1] for key, p in parts.items()}
+    if not isinstance(ends, np.ndarray) or isinstance(first, list | dict):
+        return passed_on(first, ends, count), None
+    changed = ~((ends == begin) | ((ends != ends) & (begin != begin)))
+    if wrote is not None:
+        changed = changed | wrote
+    latest = np.maximum.accumulate(np.where(changed, np.arange(count), -1))[:-1]
+    whole = np.empty(count, dtype=np.result_type(np.asarray(first).dtype, ends.dtype))
+    whole[0] = first
+    whole[1:] = np.where(latest < 0, first, ends[latest])
+    return whole, changed
+
+
 def last_lane(value: Value) -> Value:
     """The value in the last lane, as plain numbers."""
     if isinstance(value, dict):

@@ -10,12 +10,20 @@ from typing import ClassVar
 
 import numpy as np
 from drillc.language.diagnostics import Report
+from drillc.language.job import Pose
 from drillc.output.names import NameRules
-from drillc.output.numbers import Column, Fixed
+from drillc.output.numbers import Column, Fixed, fixed
 from drillc.output.post import Accepts, Option, PostProcessor, Task
 from scipy.spatial.transform import Rotation
 
 AXES = tuple(f"J{i}" for i in range(1, 10))
+
+
+def _place(pose: Pose) -> str:
+    """x y z, and a quaternion w x y z in brackets."""
+    x, y, z, w = Rotation.from_matrix(pose.rotation).as_quat()
+    lengths = " ".join(fixed(value, 3) for value in pose.translation_mm)
+    return f"{lengths} [{' '.join(fixed(value, 9) for value in (w, x, y, z))}]"
 
 
 class BoreasPost(PostProcessor):
@@ -66,5 +74,10 @@ class BoreasPost(PostProcessor):
     def context(self, task: Task) -> dict[str, object]:
         motion = task.program.motion
         if motion is None:
-            return {"joints": False}
+            tool, frame = task.program.tool, task.program.frame
+            tool_text = f"{tool.number} {_place(tool.flange_from_tool)}" if tool else ""
+            base_text = "0" if frame is None else str(frame.number)
+            if frame is not None and frame.world_from_part is not None:
+                base_text += f" {_place(frame.world_from_part)}"
+            return {"joints": False, "tool_text": tool_text, "base_text": base_text}
         return {"joints": True, "feed": task.axes[motion.feed_axis], "sign": motion.feed_sign}
