@@ -134,7 +134,11 @@ class Case:
         bad = bad[np.sort(worst)]
         lines = file[event[bad]].astype(np.int64) * (1 << 32) + line[event[bad]]
         _, first, counts = np.unique(lines, return_index=True, return_counts=True)
-        for i in np.argsort(first, kind="stable"):
+        order = np.argsort(first, kind="stable")
+        for done, i in enumerate(order.tolist()):
+            if self.tally.full(check):
+                self.tally.more(check, int(counts[order[done:]].sum()))
+                return
             k = int(bad[first[i]])
             message, span = say(k)
             alike = int(counts[i]) - 1

@@ -69,6 +69,11 @@ def check_places(case: Case, path: Path, made: Made) -> None:
 
     ids = case.hole
 
+    def away_mm(k: int) -> float:
+        """How far the hole as a whole is from its place."""
+        depth = made.depth_mm[at[k]] * wanted.axis[hole[k]]
+        return float(np.linalg.norm(there[k] - wanted.position_mm[hole[k]] - depth))
+
     # The line through the tool's point along the tool's own axis, seen from the hole.
     aside = _aside(wanted.position_mm[hole] - there, axis)
     case.figures(
@@ -79,7 +84,7 @@ def check_places(case: Case, path: Path, made: Made) -> None:
         at,
         hole,
         lambda k: (
-            f"{ids(int(hole[k]))} is made {aside[k]:.3f} mm away from where the spec has it",
+            f"{ids(int(hole[k]))} is made {away_mm(k):.3f} mm away from where the spec has it",
             None,
         ),
         body=True,

@@ -125,6 +125,8 @@ def machine_of(job: Job, program: Program, emit: Emit, axes: Sequence[str]) -> M
         robot = job.robot if isinstance(job.robot, Portal) else None
         # A robot's own axes are called otherwise than the spec's, so an unmapped joint has none.
         columns = [_column(known, of_joint.get(name.upper(), name.upper())) for name in names]
+        if robot is None:  # then nobody knows where joints take the tool
+            columns = [-1] * len(names)
         return Machine(np.array(columns), _scale(rotary), robot, None, None)
     if program.arm is not None and program.tool is not None:
         columns = [

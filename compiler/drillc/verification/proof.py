@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
@@ -15,6 +14,7 @@ from drillc.planning.program import Program
 
 from .case import CHORD_ROUNDED_MM, Case, arm_by_joints, limits_of, roles_of
 from .checks import Made, check_places, depths_of
+from .coverage import Coverage, check_extra
 from .events import Alternative, Events, Kind, Step, joined
 from .expected import MOVE, codes_of, wanted_of, words_of
 from .faults import Faults
@@ -24,8 +24,8 @@ from .matching import Marks, Matcher
 from .places import machine_of
 from .postures import check_configuration
 from .reading import Reader, ReadError, Run
-from .steps import check_steps, described
-from .verdict import Rows, Tally, Verdict
+from .steps import check_steps
+from .verdict import Tally, Verdict
 from .visits import Path, Visits, cores_of, items_of, visits_of
 from .ways import Legs, check_homes, check_ways
 
@@ -192,19 +192,14 @@ class _Proof:
     chunk: int
     held: list[Events] = field(default_factory=list)
     known: bool = False
-    made: np.ndarray[tuple[int], np.dtype[np.int32]] = field(init=False)
-    where: np.ndarray[tuple[int, int], np.dtype[np.int32]] = field(init=False)
+    coverage: Coverage = field(init=False)
     matcher: Matcher = field(init=False)
     faults: Faults = field(default_factory=Faults)
     count: int = 0  # events that came since anything was judged
-    next_hole: int = 0
-    farthest: int = -1
 
     def __post_init__(self) -> None:
         wanted = self.case.wanted
-        n = len(wanted)
-        self.made = np.zeros(n, dtype=np.int32)
-        self.where = np.full((n, 2), -1, dtype=np.int32)
+        self.coverage = Coverage(len(wanted))
         bottoms = wanted.position_mm + wanted.bottom_mm[:, None] * wanted.axis
         self.matcher = Matcher(Marks(bottoms, wanted.axis))
 
@@ -225,7 +220,7 @@ class _Proof:
         self._judge(last=True)
         self.faults.check(self.case, last=True)
         check_homes(self.case)
-        self._check_coverage()
+        self.coverage.finish(self.case)
 
     # ── one stretch of the run ───────────────────────────────────────────────────────────────────
 
@@ -243,7 +238,7 @@ class _Proof:
             return  # until there is a hole again
         end = len(path) if last else int(made.cores.last[-1]) + 1
         told = slice(fresh, end)
-        self._check_extra(path.take(slice(0, end)), extra, made)
+        check_extra(case, path.take(slice(0, end)), extra, made, known=self.known)
         legs = self._legs(made, end, last=last)
         self.faults.unknown_start |= check_ways(case, path, legs)
         judged = path.take(told)
@@ -255,7 +250,7 @@ class _Proof:
             check_steps(case, path, made)
             check_joints(case, path, made)
             self.faults.add(path, made)
-            self._count(path, made)
+            self.coverage.count(case, path, made)
         moves = np.flatnonzero(path.moves[:end])
         here = moves[-1:] if len(moves) else np.arange(min(1, end))
         self.held = [path.events.take(np.concatenate([here, np.arange(end, len(path))]))]
@@ -298,7 +293,7 @@ class _Proof:
         )
         likely = np.flatnonzero(busy) if needs else np.arange(len(visits))
         hole = np.full(len(visits), -1, dtype=np.intp)
-        hole[likely] = self.matcher.match(found.take(likely), self.next_hole)
+        hole[likely] = self.matcher.match(found.take(likely), self.coverage.next_hole)
         makes = hole >= 0
         extra = visits.take(~makes & busy)
         visits, hole = visits.take(makes), hole[makes]
@@ -316,113 +311,6 @@ class _Proof:
         if not last:
             start, stop, hole = start[:-1], stop[:-1], hole[:-1]
         return Legs(start, np.maximum(stop, start), hole, self.known)
-
-    # ── coverage and order ───────────────────────────────────────────────────────────────────────
-
-    def _count(self, path: Path, made: Made) -> None:
-        case, events = self.case, path.events
-        at = made.cores.first
-        case.tally.compared("order", len(made))
-        before = np.maximum.accumulate(np.concatenate([[self.farthest], made.hole]))[:-1]
-        late = made.hole < before
-        again = (self.made[made.hole] > 0) | _seen(made.hole)
-        for k in np.flatnonzero(late & ~again).tolist():
-            hole = int(made.hole[k])
-            case.fail(
-                "order",
-                f"{case.hole(hole)} is made after {case.hole(int(before[k]))}, the spec asks for"
-                " it before",
-                path,
-                int(at[k]),
-                hole,
-                body=True,
-            )
-        for k in np.flatnonzero(again).tolist():
-            hole = int(made.hole[k])
-            first = self.where[hole]
-            earlier = np.flatnonzero(made.hole[:k] == hole)
-            if first[0] < 0 and len(earlier):
-                e = int(at[earlier[0]])
-                first = np.array([events.call_file[e], events.call_line[e]])
-            case.fail(
-                "coverage",
-                f"{case.hole(hole)} is made again; it is made before in"
-                f" {case.run.files[int(first[0])]}:{int(first[1])}",
-                path,
-                int(at[k]),
-                hole,
-                body=True,
-            )
-        np.add.at(self.made, made.hole, 1)
-        self.where[made.hole, 0] = events.call_file[at]
-        self.where[made.hole, 1] = events.call_line[at]
-        self.farthest = max(self.farthest, int(made.hole.max()))
-        self.next_hole = int(made.hole[-1]) + 1
-
-    def _check_extra(self, path: Path, extra: Visits, made: Made) -> None:
-        """What is switched anywhere but at a hole."""
-        case = self.case
-        for k in range(len(extra)):
-            if extra.start[k] >= len(path):
-                continue
-            at = path.places.position_mm[extra.deepest[k]]
-            case.fail(
-                "coverage",
-                f"something is done at ({at[0]:.3f}, {at[1]:.3f}, {at[2]:.3f}) mm, where the spec"
-                " has no hole",
-                path,
-                int(extra.deepest[k]),
-                body=True,
-            )
-        # Events outside of all visits are moves.
-        loose = ~path.moves
-        for visits in (made.visits, extra):
-            edges = np.zeros(len(path) + 1, dtype=np.int64)
-            np.add.at(edges, np.minimum(visits.start, len(path)), 1)
-            np.add.at(edges, np.minimum(visits.stop, len(path)), -1)
-            loose &= np.cumsum(edges[:-1]) == 0
-        if self.known and len(loose):
-            loose[0] = False
-        harmless = (path.events.kind == Kind.PAUSE) & (path.events.value == 0.0)
-        for event in np.flatnonzero(loose & ~harmless)[:100].tolist():
-            what = described(case, path, None, event)
-            case.fail("process", f"{what}, between the holes, is not in the spec", path, event)
-
-    def _check_coverage(self) -> None:
-        case, n = self.case, len(self.case.wanted)
-        case.tally.compared("coverage", n)
-        missing = np.flatnonzero(self.made == 0)
-        for k, hole in enumerate(missing.tolist()):
-            if k >= 100:
-                case.tally.fail("coverage", "more holes are never made", alike=len(missing) - 101)
-                break
-            name = case.hole(hole)
-            unused = _unused(case, name)
-            case.tally.fail(
-                "coverage",
-                f"{name} is never made{unused}",
-                hole=name,
-                span=case.span(hole),
-            )
-
-
-def _unused(case: Case, name: str) -> str:
-    """Where the program declares a hole that it does not make."""
-    for finding in case.run.findings():
-        if finding.check == "used" and re.search(
-            rf"(?<!\w){re.escape(name)}(?!\w)", finding.message
-        ):
-            return (
-                f"; {case.run.files[finding.file]}:{finding.line} declares it and nothing uses it"
-            )
-    return ""
-
-
-def _seen(rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Which of `rows` (m,) stand there a second time."""
-    again = np.ones(len(rows), dtype=np.bool_)
-    again[np.unique(rows, return_index=True)[1]] = False
-    return again
 
 
 def _complete(events: Events) -> Events:

@@ -119,6 +119,14 @@ class Tally:
         """How many failures a check has so far."""
         return self._counts[check].failed
 
+    def full(self, check: str) -> bool:
+        """Whether so many failures are named that more are only counted."""
+        return len(self._counts[check].failures) >= MOST_NAMED
+
+    def more(self, check: str, count: int) -> None:
+        """Failures that are not named."""
+        self._counts[check].failed += count
+
     def fail(
         self,
         check: str,

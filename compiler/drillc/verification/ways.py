@@ -330,7 +330,7 @@ def _portal(case: Case, path: Path, legs: Legs) -> bool:
     shift = np.abs(at - was)[:, others]
     moved = fresh | ~(shift <= _SAME_JOINT).all(axis=1)
     withdraw = np.append(motion.withdraw_mm, np.nan)[hole] * motion.feed_sign
-    slack = 2.0 * case.precision.joint_mm + NOISE_MM
+    slack = case.precision.joint_mm + NOISE_MM
     feed = motion.feed_sign * joints[:, motion.feed_axis]
     starts = fresh | np.isnan(feed[before])
     far = (feed[event] <= withdraw + slack) & (starts | (feed[before] <= withdraw + slack))

@@ -143,7 +143,7 @@ def test_every_construct(tmp_path: Path, name: str) -> None:
 
 
 def test_between_percents(tmp_path: Path) -> None:
-    assert_agrees(tmp_path, "\n%\nG21 G0 X1\nG0 X2\n%\n")
+    assert_agrees(tmp_path, "\n%\nG21 G90 G0 X1\nG0 X2\n%\n")
 
 
 def test_routines_in_files_of_their_own(tmp_path: Path) -> None:

@@ -138,9 +138,22 @@ def test_a_line_that_may_be_deleted_is_looked_at_both_ways() -> None:
 
 
 def test_the_normal_end_is_no_event_and_others_are() -> None:
-    assert run("G21 G0 X1\nM30\n").kinds() == ["STRAIGHT"]
-    assert run("G21 G0 X1\nM2\nG0 X2\nM2\n").kinds() == ["STRAIGHT", "STOP"]
-    assert run("%\nG21 G0 X1\n%\n").kinds() == ["STRAIGHT"]
+    assert run("G21 G90 G0 X1\nM30\n").kinds() == ["STRAIGHT"]
+    assert run("G21 G90 G0 X1\nM2\nG0 X2\nM2\n").kinds() == ["STRAIGHT", "STOP"]
+    assert run("%\nG21 G90 G0 X1\n%\n").kinds() == ["STRAIGHT"]
+
+
+@pytest.mark.parametrize(
+    ("text", "codes"),
+    [
+        ("G90 G0 X1\nM2\n", "G20 or G21"),
+        ("G21 G0 X1\nM2\n", "G90 or G91"),
+        ("o<a> sub\nG1 X1 F100\no<a> endsub\nG21\no<a> call\nM2\n", "G90 or G91"),
+    ],
+)
+def test_nothing_moves_before_units_and_distances_are_stated(text: str, codes: str) -> None:
+    with pytest.raises(ReadError, match=f"a move before {codes}: what was active before is not"):
+        run(text)
 
 
 def test_names_of_places_are_comments() -> None:
@@ -315,7 +328,7 @@ def test_a_corner_in_every_lane_has_its_line() -> None:
 
 def test_routines_that_nothing_calls() -> None:
     files = {
-        "p.ngc": b"o<a> sub\no<a> endsub\nG0 X1\nM2\n",
+        "p.ngc": b"o<a> sub\no<a> endsub\nG21 G90 G0 X1\nM2\n",
         "b.ngc": b"o<b> sub\no<b> endsub\n",
     }
     assert found(run(files)) == [
@@ -326,20 +339,20 @@ def test_routines_that_nothing_calls() -> None:
 
 def test_lines_that_are_never_run() -> None:
     files = {
-        "p.ngc": b"o<b> call\nM2\n",
+        "p.ngc": b"G21 G90\no<b> call\nM2\n",
         "b.ngc": b"o<b> sub\nG0 X1\no<b> endsub\nG0 X2\n",
     }
     assert found(run(files)) == [("rules", 4, "this stands outside of o<b>: never run")]
-    assert found(run("%\nG0 X1\n%\nG0 X2\n")) == [
+    assert found(run("%\nG21 G90 G0 X1\n%\nG0 X2\n")) == [
         ("rules", 4, "after the second % nothing is read")
     ]
 
 
 def test_characters_beyond_ascii() -> None:
-    (finding,) = run("G0 X1 (Loch \u00e4)\nM2\n").findings
+    (finding,) = run("G21 G90 G0 X1 (Loch \u00e4)\nM2\n").findings
     assert (finding.line, finding.column, finding.message) == (
         1,
-        13,
+        21,
         "a character that is not ASCII",
     )
 
@@ -465,7 +478,7 @@ def test_a_program_ends() -> None:
 
 def test_an_error_in_a_routines_file_says_so() -> None:
     files = {
-        "p.ngc": b"o<b> call\nM2\n",
+        "p.ngc": b"G21 G90\no<b> call\nM2\n",
         "b.ngc": b"o<b> sub\n  G1 X1,5\no<b> endsub\n",
     }
     with pytest.raises(ReadError) as raised:

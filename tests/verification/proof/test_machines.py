@@ -79,7 +79,9 @@ def test_a_program_with_a_straight_via_is_proven() -> None:
 
 
 def body(run: HandRun, kind: Kind, nth: int) -> dict[str, Any]:
-    return [row for row in run.rows if row["file"] == 0 and row["kind"] == kind][nth]
+    rows = [row for row in run.rows if row["file"] == 0 and row["kind"] == kind]
+    found: dict[str, Any] = rows[nth]
+    return found
 
 
 def test_a_via_left_out_is_found() -> None:
@@ -215,7 +217,8 @@ def prove_portal(portal: Portal, run: HandRun, chunk: int = 30) -> Verdict:
 
 def inner(run: HandRun, hole: int, nth: int) -> dict[str, Any]:
     moves = [row for row in run.rows if row["hole"] == hole and "joints" in row]
-    return moves[nth]
+    found: dict[str, Any] = moves[nth]
+    return found
 
 
 def add(row: dict[str, Any], axis: int, by: float) -> None:

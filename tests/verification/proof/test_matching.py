@@ -17,7 +17,8 @@ def rows(order: list[int], moved: dict[int, float] | None = None, first: int = 0
     found = WANTED.take(np.array(order, dtype=np.intp))
     for k, by in (moved or {}).items():
         found.bottom_mm[k] += [0.0, by, 0.0]
-    return Matcher(WANTED).match(found, first).tolist()
+    matched: list[int] = Matcher(WANTED).match(found, first).tolist()
+    return matched
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ def test_a_verdict_in_text_and_json() -> None:
     verdict = verify_program(run, HandReader(), job_of(program), program, {}, emit_of())
     text = as_text(verdict)
     assert text.startswith("hand PANEL_7L: 3 holes, NOT VERIFIED\n")
-    assert "hand/body.src:101: P2 is made 1." in text
+    assert "hand/body.src:101: P2 is made 2.000 mm away" in text
     assert "[cell.drill:" in text
     assert max(map(len, text.splitlines())) < 160
     data = as_json(verdict)

@@ -264,6 +264,9 @@ def _dwell_and_modes(words: Words, values: dict[str, Evaluate]) -> list[Act]:
                 unit=MM_PER_INCH if units == "G20" else 1.0
             )
         )
+    stated = {group: True for group in ("units", "distance") if words.codes.get(group)}
+    if stated:
+        acts.append(lambda machine: machine.state["stated"].update(stated))
     changes = dict(_MODES[code] for code in words.codes.values() if code in _MODES)
     if changes:
         acts.append(lambda machine: machine.state["modes"].update(changes))

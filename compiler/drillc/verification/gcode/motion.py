@@ -13,12 +13,14 @@ from ..statements import Evaluate
 from .expressions import Number, never
 from .state import LETTERS, TURNING, uniform, unit_of
 
+#: What must be stated before anything moves.
+_NEEDED = {"units": "G20 or G21", "distance": "G90 or G91"}
 #: F is counted along the first of these of which an axis moves.
 _COUNTED = (("X", "Y", "Z"), ("U", "V", "W"), TURNING)
 #: LinuxCNC takes an axis to stand still that moves by less, in mm or degrees.
 LEAST_MOVE = 1e-7
 #: Where the way turns by more than this, something of it is cut off in passing.
-_STRAIGHT_ON = 0.866  # the cosine of 30°
+_STRAIGHT_ON = 0.9986  # the cosine of 3°
 #: A tolerance (G64 P) that is not worth mentioning.
 _LITTLE_MM = 0.001
 
@@ -49,6 +51,9 @@ def go(
     """Move the axes of `ends` there in proportion; `minutes_inverse` is F of G93; `exact`: whatever
     G64 says."""
     state = machine.state
+    for mode, codes in _NEEDED.items():
+        if not uniform(machine, state["stated"][mode]):
+            raise machine.fail(f"a move before {codes}: what was active before is not known")
     place = state["place"]
     after = {**place, **ends}
     _set_pending(machine)

@@ -40,6 +40,8 @@ def at_the_start() -> dict[str, Any]:
             "blends": True,  # G64
             "back_to_r": True,  # G99, which LinuxCNC begins with
         },
+        # A program that was broken off may have left another mode: which are stated by this one.
+        "stated": {"units": False, "distance": False},
         "tolerance_mm": float("inf"),  # by how much G64 may leave the path
         "feed": float("nan"),  # F as written; NaN: none yet
         "feed_mm": float("nan"),  # the same in mm
