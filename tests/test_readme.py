@@ -4,7 +4,8 @@ import re
 from pathlib import Path
 
 import pytest
-from drillc.cli import main
+from docs.told import settled
+from drillc.cli import _parser, main
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -31,13 +32,28 @@ def test_there_are_two_commands_and_the_first_is_the_sample() -> None:
 
 
 def test_the_emitted_code_is_shown_as_it_is(nacelle: Path) -> None:
-    source, data, listing, mistake = blocks("")
+    source, data, listing, _, mistake = blocks("")
     krl = nacelle / "krl"
     assert source in (krl / "NACELLE_A.src").read_bytes().decode().replace("\r\n", "\n")
     assert data in (krl / "NACELLE_A.dat").read_bytes().decode().replace("\r\n", "\n")
     files = sorted(p.relative_to(nacelle).as_posix() for p in nacelle.rglob("*") if p.is_file())
     assert [f"out/nacelle/{name}" for name in files] == listing.splitlines()
     assert mistake.startswith("samples/nacelle.drill:")
+
+
+def test_what_is_proven_is_told_as_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert main(["compile", "samples/nacelle.drill", "-o", str(tmp_path / "out")]) == 0
+    assert settled(blocks("")[3]) == settled(capsys.readouterr().err)
+
+
+def test_every_command_has_a_row() -> None:
+    section = README[README.index("## Use") : README.index("## The samples")]
+    rows = set(re.findall(r"^\| `drillc ([a-z-]+)", section, re.MULTILINE))
+    [commands] = (a.choices for a in _parser()._actions if a.dest == "command")
+    assert rows == set(commands or ())
 
 
 def test_the_spec_shown_is_the_sample(nacelle: Path, tmp_path: Path) -> None:

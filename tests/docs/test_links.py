@@ -10,7 +10,15 @@ from docs.fenced import DOCS, ROOT
 
 #: A target with a scheme is on the web, and not looked at.
 _LINK = re.compile(r"\]\((?![a-z]+:)([^)#\s]*)(?:#([^)\s]+))?\)")
-DOCUMENTS = ("language.md", "post-processors.md", "departures.md", "source-maps.md")
+DOCUMENTS = (
+    "architecture.md",
+    "departures.md",
+    "diagnostics.md",
+    "language.md",
+    "post-processors.md",
+    "source-maps.md",
+    "verification.md",
+)
 _FENCED = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 
 

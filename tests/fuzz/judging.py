@@ -264,7 +264,7 @@ _LONE_END = {"krl": rb"(?<!\r)\n|\r(?!\n)", "rapid": rb"(?<!\r)\n|\r(?!\n)", "gc
 def assert_clean(out: Path, spec: Path) -> None:
     """ASCII, the controller's line ends, and no number that is none."""
     for name, data in snapshot(out).items():
-        if name == "manifest.json" or name.endswith("names.csv"):
+        if name == "manifest.json" or name.endswith(".csv"):
             assert not re.search(rb"[^\x20-\x7e\n]", data), f"{name} is not plain ASCII"
             continue
         assert not (bad := _BAD_CONTROL.search(data)), f"{name} holds {bad[0]!r}"

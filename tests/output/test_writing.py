@@ -73,6 +73,8 @@ def test_files_and_manifest(tmp_path: Path, job: Job) -> None:
             "gcode/a.ngc": hashlib.sha256(b"M2\n").hexdigest(),
             "krl/A.src": hashlib.sha256(b"DEF A()\r\n").hexdigest(),
         },
+        "posts": [],
+        "spec": "a.drill",
         "verified": False,
     }
     assert list((tmp_path / "deep").iterdir()) == [out]  # no temporary folder is left

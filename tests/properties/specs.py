@@ -88,7 +88,7 @@ def planned(spec: Spec) -> Planned:
 
 
 def emitted(spec: Spec | Mapping[str, str]) -> dict[str, bytes]:
-    """Every file of every post; the manifest is left out, since it names the inputs."""
+    """Every file of every post; not the manifest and the map, which tell of the inputs."""
     files = spec.files() if isinstance(spec, Spec) else spec
     with tempfile.TemporaryDirectory() as folder:
         report = Report()
@@ -98,8 +98,8 @@ def emitted(spec: Spec | Mapping[str, str]) -> dict[str, bytes]:
         except Refused as refused:
             raise AssertionError(f"{refused}\n{files['spec.drill']}") from refused
         found = {path.relative_to(out).as_posix(): path.read_bytes() for path in paths}
-    del found["manifest.json"]
-    return found
+    told = ("manifest.json", "source-map/")
+    return {path: data for path, data in found.items() if not path.startswith(told)}
 
 
 def write(files: Mapping[str, str], folder: Path) -> Path:

@@ -23,8 +23,10 @@ from .emitting import Case, Files
 
 #: Numbers that differ by no more than this many half digits are one: a proof cannot tell.
 _HALF_DIGITS = 8.0
-#: What a proof allows times (s) and analog values (a share, and at least).
-_TIME_S, _ANALOG_SHARE, _ANALOG_LEAST = 2e-3, 2e-4, 1e-5
+#: What a proof allows times (s), and floating point a speed or a value (a share).
+_TIME_S, _NOISE_SHARE = 2e-3, 1e-7
+#: How long a straight move in joints takes is its speed, and how its ends are printed.
+_TIME_SHARE = 1e-3
 #: Moves in one direction whose speeds differ by no larger share are one move.
 _SAME_SPEED = 0.01
 #: An arm that is told its joints goes straight in small steps, which are that exact (deg), and some
@@ -187,16 +189,17 @@ def _same(one: _Event, two: _Event, precision: Precision, arm: bool) -> bool:
     joints = max(precision.joint_mm, float(np.degrees(precision.joint_rad)))
     length = _HALF_DIGITS * precision.length_mm
     angle = _HALF_DIGITS * precision.angle_rad + 1e-7
-    speed = _HALF_DIGITS * precision.speed_share
+    share = _HALF_DIGITS * precision.speed_share + _NOISE_SHARE
+    speed, analog = _HALF_DIGITS * precision.speed_mm_s, _HALF_DIGITS * precision.analog
     if arm and one.kind == Kind.STRAIGHT and np.isnan(one.place[0]):
-        joints, speed = _CHORD_DEG, np.inf
+        joints, share = _CHORD_DEG, np.inf
     else:
         joints *= _HALF_DIGITS
     values: dict[Kind, Callable[[], bool]] = {
         Kind.JOINTS: lambda: True,  # how fast a free move is, no spec says
-        Kind.ANALOG: lambda: _close(one.value, two.value, _ANALOG_SHARE, _ANALOG_LEAST),
+        Kind.ANALOG: lambda: _close(one.value, two.value, _NOISE_SHARE, analog),
         Kind.PAUSE: lambda: _close(one.value, two.value, 0.0, _TIME_S),
-        Kind.STRAIGHT: lambda: _close(one.value, two.value, speed, 0.0),
+        Kind.STRAIGHT: lambda: _close(one.value, two.value, share + _TIME_SHARE, 0.0),
     }
     return (
         _near(one.place[:3], two.place[:3], length)
@@ -204,7 +207,7 @@ def _same(one: _Event, two: _Event, precision: Precision, arm: bool) -> bool:
         and _near(one.frames, two.frames, angle)
         and _near(one.place[3:], two.place[3:], joints)
         and _near(one.turn, two.turn, angle)
-        and (one.kind != two.kind or _close(one.speed_mm_s, two.speed_mm_s, speed, 0.0))
+        and (one.kind != two.kind or _close(one.speed_mm_s, two.speed_mm_s, share, speed))
         and _close(one.timeout_s, two.timeout_s, 0.0, _TIME_S)
         and values.get(one.kind, lambda: _close(one.value, two.value, 1e-3, 0.0))()
     )

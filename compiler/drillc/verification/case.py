@@ -19,11 +19,13 @@ from .reading import Precision, Run
 from .verdict import Rows, Tally
 from .visits import Path
 
-#: What floating point makes of positions (mm) and angles.
-NOISE_MM, NOISE_RAD = 1e-6, 1e-8
+#: What floating point makes of positions (mm), angles, and shares of a value.
+NOISE_MM, NOISE_RAD, NOISE_SHARE = 1e-6, 1e-8, 1e-8
 #: An arm whose joints move in proportion is straight between two places no better than this, on
 #: the tool's axis and on travels; and turned no better.
 CHORD_MM, TRAVEL_CHORD_MM, CHORD_RAD = 0.0125, 0.3, 1e-3
+#: By what share it is faster or slower on the tool's axis.
+CHORD_SPEED = 0.01
 #: Of a chord so long, nothing is known of the speed: both of its ends are rounded.
 CHORD_ROUNDED_MM = 4e-3
 #: Times are printed in milliseconds, some of them rounded up.
@@ -32,13 +34,24 @@ TIME_S = 1e-3 + 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """How far what is printed may be from what is planned, by hole (n,), in mm and radians."""
+    """How far what is printed may be from what is planned, by hole (n,), in mm and radians; a speed
+    by a share of itself and by so many mm/s, an analog value as the controller counts it."""
 
     position_mm: Floats
     angle_rad: Floats
     depth_mm: Floats
     straight_mm: Floats
     speed_share: float
+    speed_mm_s: float
+    analog: float
+
+    def speeds(self, asked_mm_s: Floats) -> Floats:
+        """By what share speeds may differ from those that are asked for."""
+        return np.asarray(self.speed_share + self.speed_mm_s / asked_mm_s + NOISE_SHARE)
+
+    def analogs(self, asked: float) -> float:
+        """By how much an analog value may differ from the one that is asked for."""
+        return self.analog + NOISE_SHARE * max(abs(asked), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +182,9 @@ def limits_of(
             turned + chord_rad + NOISE_RAD,
             depth,
             position + CHORD_MM * arm,
-            0.01 if arm else precision.speed_share + 1e-9,
+            CHORD_SPEED if arm else precision.speed_share,
+            precision.speed_mm_s,
+            precision.analog,
         )
     half = np.sqrt(3.0) * precision.length_mm
     return Limits(
@@ -177,7 +192,9 @@ def limits_of(
         np.full(n, 3.0 * precision.angle_rad + NOISE_RAD),
         np.full(n, half + precision.length_mm + NOISE_MM),
         np.full(n, 2.0 * half + NOISE_MM),
-        precision.speed_share + 1e-9,
+        precision.speed_share,
+        precision.speed_mm_s,
+        precision.analog,
     )
 
 

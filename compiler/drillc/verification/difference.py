@@ -271,8 +271,8 @@ MOST_NAMED = 12
 def as_text(found: Difference, before: str, after: str) -> str:
     """For a person: what all changed holes share is said once."""
     if found.none:
-        return f"{before} and {after} mean the same: {found.after:,} holes\n"
-    lines = [f"{before} -> {after}: {found.before:,} -> {found.after:,} holes"]
+        return f"{before} and {after} mean the same: {_holes(found.after)}\n"
+    lines = [f"{before} -> {after}: {found.before:,} -> {_holes(found.after)}"]
     for sign, word, holes in (("-", "removed", found.removed), ("+", "added", found.added)):
         if holes:
             lines.append(f"{word}: {len(holes):,}")
@@ -297,6 +297,10 @@ def as_text(found: Difference, before: str, after: str) -> str:
         lines.append(f"out of turn: {len(found.order):,}: {names}")
         lines += _rest(len(found.order))
     return "\n".join(lines) + "\n"
+
+
+def _holes(count: int) -> str:
+    return f"{count:,} hole{'s' * (count != 1)}"
 
 
 def as_json(found: Difference) -> dict[str, object]:

@@ -13,7 +13,6 @@ from .events import Alternative, Events, Floats, Ints, Kind
 from .expected import MOVE, SAME_SPEED, Item, codes_of
 from .frames import check_frames
 from .places import Places
-from .steps import analog_limit
 from .verdict import Rows
 from .visits import Path
 
@@ -300,10 +299,11 @@ def _numbers(
                 f" {item.depth_mm:.3f} mm"
             )
         share = np.abs(lane.speed_mm_s - item.speed_mm_s) / item.speed_mm_s
-        bad = ~(share <= case.limits.speed_share) & (not lane.shared)
+        most = case.limits.speeds(np.array(item.speed_mm_s))
+        bad = ~(share <= most) & (not lane.shared)
         return bad, "the tool goes out at another speed than the spec's"
     if not np.isnan(item.value):
-        bad = ~(np.abs(lane.value - item.value) <= analog_limit(item.value))
+        bad = ~(np.abs(lane.value - item.value) <= case.limits.analogs(item.value))
         return bad, f"{item.what} is asked for"
     return np.zeros(len(hole), dtype=np.bool_), ""
 

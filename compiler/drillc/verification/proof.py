@@ -273,7 +273,8 @@ class _Proof:
             # A feed may be counted along some axes only; the time says how fast the tool is.
             with np.errstate(divide="ignore", invalid="ignore"):
                 told = way / events.value[straight]
-                slack[straight] = CHORD_ROUNDED_MM / way * case.arm_by_joints
+                if case.arm_by_joints:
+                    slack[straight] = CHORD_ROUNDED_MM / way
             speed = speed.copy()
             speed[straight] = np.where(np.isnan(told), speed[straight], told)
             if case.arm_by_joints and len(straight):

@@ -39,13 +39,16 @@ class Finding:
 
 @dataclass(frozen=True)
 class Precision:
-    """Half of the last digit that the controller's programs are printed with."""
+    """Half of the last digit that the controller's programs are printed with. A speed may be off by
+    `speed_mm_s`, and by `speed_share` of itself where its digits are counted from the first."""
 
     length_mm: float
     angle_rad: float  # of Euler angles, or twice that of a quaternion's part
     joint_mm: float
     joint_rad: float
-    speed_share: float  # of a speed, relative
+    speed_share: float = 0.0
+    speed_mm_s: float = 0.0
+    analog: float = 0.0  # of an analog value, as the controller counts it
 
 
 class Run(ABC):

@@ -15,9 +15,6 @@ from .expected import MOVE, SAME_MM, Item, Template
 from .verdict import Rows
 from .visits import Items, Path, items_of
 
-#: Shares of a full scale are printed with five digits or more, values in units of their own with
-#: three.
-SHARE_DIGIT, VALUE_DIGIT = 6e-6, 6e-4
 #: Pecks that differ by less are alike.
 PECK_MM = 5e-3
 #: The speed of a spindle that the language has a word for.
@@ -183,7 +180,7 @@ def _values(case: Case, path: Path, at: Rows, hole: Rows, item: Item, kind: int)
     elif kind == Kind.SPINDLE:
         check, limit = "process", SPINDLE_SHARE * item.value + 1e-5
     else:
-        check, limit = "signals", analog_limit(item.value)
+        check, limit = "signals", case.limits.analogs(item.value)
     bad = np.flatnonzero(~(error <= limit))
     if len(bad):
 
@@ -240,13 +237,8 @@ def _speeds(
         )
 
     error = np.abs(found - asked) / asked
-    limits = case.limits.speed_share + path.speed_slack[event]
+    limits = case.limits.speeds(asked) + path.speed_slack[event]
     case.figures("speed", error, limits, path, event, hole, say)
-
-
-def analog_limit(value: float) -> float:
-    """By how much an analog value may differ from what is asked for."""
-    return SHARE_DIGIT if abs(value) <= 1.0 else VALUE_DIGIT
 
 
 # ── other steps than the spec's ──────────────────────────────────────────────────────────────────

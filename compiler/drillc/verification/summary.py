@@ -8,7 +8,7 @@ from .verdict import Check, Failure, Verdict
 def as_text(verdict: Verdict) -> str:
     """A table of one program's checks, and what fails."""
     word = "verified" if verdict.passed else "NOT VERIFIED"
-    lines = [f"{verdict.post} {verdict.program}: {verdict.holes:,} holes, {word}", ""]
+    lines = [f"{verdict.post} {verdict.program}: {_holes(verdict.holes)}, {word}", ""]
     rows = [("check", "compared", "worst", "limit", "where")]
     rows += [_row(check) for check in verdict.checks if check.compared or check.failed]
     widths = [max(len(row[k]) for row in rows) for k in range(5)]
@@ -26,6 +26,10 @@ def as_text(verdict: Verdict) -> str:
         if check.failed > told:
             lines.append(f"  and {check.failed - told:,} more")
     return "\n".join(lines) + "\n"
+
+
+def _holes(count: int) -> str:
+    return f"{count:,} hole{'s' * (count != 1)}"
 
 
 def failure_text(failure: Failure) -> str:

@@ -24,7 +24,7 @@ BODY_LINE = 100
 class HandReader(Reader):
     name: ClassVar[str] = "hand"
     precision: ClassVar[Precision] = Precision(
-        0.0005, np.radians(0.5e-4), 0.0005, np.radians(0.5e-5), 1e-4
+        0.0005, np.radians(0.5e-4), 0.0005, np.radians(0.5e-5), 1e-4, analog=0.5e-6
     )
 
     def read(self, files: Mapping[str, bytes]) -> Sequence[Run]:

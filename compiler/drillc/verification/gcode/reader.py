@@ -40,14 +40,15 @@ class GcodeReader(Reader):
     """Programs are the `.ngc` files that are not a routine's own file."""
 
     name: ClassVar[str] = "gcode"
-    # Lengths are printed with four decimals, angles with five, feeds with three. The steps of an
-    # arm's travel are given in seconds, with six.
+    # Lengths are printed with four decimals, angles and shares with five, feeds (a minute) with
+    # three.
     precision: ClassVar[Precision] = Precision(
         length_mm=0.5e-4,
         angle_rad=math.radians(0.5e-5),
         joint_mm=0.5e-4,
         joint_rad=math.radians(0.5e-5),
-        speed_share=1e-3,
+        speed_mm_s=0.5e-3 / 60.0,
+        analog=0.5e-5,
     )
 
     def read(self, files: Mapping[str, bytes]) -> Sequence[Run]:

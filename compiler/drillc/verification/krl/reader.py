@@ -33,12 +33,14 @@ class KrlReader(Reader):
     """Reads KRL of KSS 8, `.src` and `.dat`; files of other kinds are left alone."""
 
     name: ClassVar[str] = "krl"
+    # A speed in m/s has as many decimals as keep it within 1e-4 of itself.
     precision: ClassVar[Precision] = Precision(
         length_mm=0.0005,
         angle_rad=math.radians(5e-5),
         joint_mm=0.0005,
         joint_rad=math.radians(5e-6),
-        speed_share=2e-4,
+        speed_share=1e-4,
+        analog=0.5e-6,
     )
 
     def read(self, files: Mapping[str, bytes]) -> Sequence[Run]:

@@ -36,12 +36,17 @@ def listing(path: str, raw: bytes) -> Listing:
     except ElementTree.ParseError as error:
         line, column = error.position
         raise ReadError(0, line, column + 1, f"the list of modules is no XML: {error}") from None
+    except (LookupError, ValueError) as error:  # an encoding that there is not
+        raise ReadError(0, 1, 1, f"the list of modules is no text: {error}") from None
     if root.tag != "Program":
         raise ReadError(0, 1, 1, f"the list of modules begins with {root.tag}, not Program")
+    between = [root.text, *(child.tail for child in root)]
+    if stray := "".join(text or "" for text in between).strip():
+        raise ReadError(0, 1, 1, f"{stray} stands beside the modules")
     found, at = [], 0
     for child in root:
         name = (child.text or "").strip()
-        if child.tag != "Module" or not name:
+        if child.tag != "Module" or not name or len(child):
             raise ReadError(0, 1, 1, f"{child.tag} {name} is no module")
         at = max(text.find(name, at), 0)
         found.append((text.count("\n", 0, at) + 1, name))

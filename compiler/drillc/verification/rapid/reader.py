@@ -69,13 +69,14 @@ def _is_position(program: Program, word: str, module: Module) -> bool:
 
 class RapidReader(Reader):
     name: ClassVar[str] = "rapid"
-    #: 3 decimals of mm, 8 of a quaternion, 5 of an axis in degrees; a speed within 1e-4 of itself.
+    #: 3 decimals of mm, mm/s and analog values, 8 of a quaternion, 5 of an axis in degrees.
     precision: ClassVar[Precision] = Precision(
         length_mm=0.5e-3,
         angle_rad=1e-8,
         joint_mm=0.5e-3,
         joint_rad=math.radians(0.5e-5),
-        speed_share=1e-4,
+        speed_mm_s=0.5e-3,
+        analog=0.5e-3,
     )
 
     def read(self, files: Mapping[str, bytes]) -> Sequence[Run]:
