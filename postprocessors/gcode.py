@@ -36,6 +36,7 @@ from ._gcode_arm import (
     via_columns,
     warn_of_lengths,
 )
+from ._robot import clear_of_all_mm
 
 LENGTH_DECIMALS = 4
 FEED_DECIMALS = 3
@@ -107,7 +108,8 @@ class GcodePost(PostProcessor):
         return via_columns(task)
 
     def context(self, task: Task) -> dict[str, object]:
-        """`feed_axis` and `other_axes` (letters), `joints` (joint, letter), and the depths: `at`
+        """`feed_axis` and `other_axes` (letters), `joints` (joint, letter), `clear`, where the feed
+        axis is out of reach of all holes, and the depths: `at`
         writes a fixed depth as a place of the feed axis, `deeper` is the sign of going deeper,
         `bottom` the parameter that has the hole's own. An arm has no `feed_axis`."""
         motion = task.program.motion
@@ -116,6 +118,7 @@ class GcodePost(PostProcessor):
         feed = task.axes[motion.feed_axis]
         return {
             "feed_axis": feed,
+            "clear": fixed(clear_of_all_mm(task.program, motion), LENGTH_DECIMALS),
             "bottom": "#2",
             "other_axes": tuple(x for x in LETTERS if x in task.axes and x != feed),
             "joints": tuple(zip((axis.name for axis in motion.axes), task.axes, strict=True)),

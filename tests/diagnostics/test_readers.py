@@ -128,5 +128,5 @@ def test_one_reader_that_works(bench: Bench, installed: list[EntryPoint]) -> Non
     installed.append(entry(KRL, "drillc"))
     ran = bench.run("compile", "spec.drill", "-o", "out/spec")
     assert ran.code == 0, ran.err
-    assert "krl BEFORE: 1 holes, verified" in ran.err
+    assert "krl BEFORE: 1 hole, verified" in ran.err
     assert issubclass(KrlReader, Reader)

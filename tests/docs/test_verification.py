@@ -159,13 +159,19 @@ def test_every_check_is_described_with_its_unit() -> None:
 
 
 def test_half_a_digit_is_the_readers_own() -> None:
-    table = {row[0]: row[1:] for row in rows(section("The checks")) if len(row) == 5}
+    table = {row[0]: row[1:] for row in rows(section("The checks")) if len(row) == 6}
     for name, reader in readers().items():
-        lengths, angles, joints, speeds = table[{"gcode": "G-code"}.get(name, name.upper())]
+        lengths, angles, joints, speeds, analog = table[{"gcode": "G-code"}.get(name, name.upper())]
         has = reader.precision
         assert lengths == f"{_plain(has.length_mm)} mm"
         assert joints == f"{_plain(has.joint_mm)} mm, {_plain(math.degrees(has.joint_rad))} deg"
-        assert speeds == f"{100 * has.speed_share:g} %"
+        assert analog == _plain(has.analog)
+        if name == "krl":  # m/s, with as many digits as it takes
+            assert (speeds, has.speed_mm_s) == (f"{100 * has.speed_share:g} %", 0.0)
+        if name == "rapid":
+            assert (speeds, has.speed_share) == (f"{_plain(has.speed_mm_s)} mm/s", 0.0)
+        if name == "gcode":
+            assert (speeds, has.speed_share) == (f"{_plain(60 * has.speed_mm_s)} mm/min", 0.0)
         if name == "krl":
             assert angles == f"{_plain(math.degrees(has.angle_rad))} deg"
         if name == "rapid":  # twice what half a digit of a part is

@@ -19,7 +19,7 @@ io { spindle_on output 1   spindle_speed analog 1 full 6000 rpm }
 holes all from "holes.csv" { units mm  columns { id ID  x X  y Y  z Z  i I  j J  k K } }
 process rivet { approach 60 mm  depth 8 mm  spindle 3000 rpm  feed 0.1 mm/rev  retract 60 mm }
 region barrel { select all   posture x toward +X   process rivet }
-emit krl { holes_per_module 100000 }
+emit krl { holes_per_module 10000 }
 """
 RUN = """
 import json, resource, sys

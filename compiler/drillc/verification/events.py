@@ -39,11 +39,14 @@ class Kind(IntEnum):
 @dataclass(frozen=True)
 class ToolFrame:
     """A tool or base that was active: what the program calls it, and its rotation (3, 3) and
-    position (3,) in mm where the program itself states them."""
+    position (3,) in mm where the program itself states them; of a tool also its mass and centre of
+    gravity (3,) in mm, from the flange."""
 
     name: str
     rotation: Floats | None = None
     position_mm: Floats | None = None
+    mass_kg: float | None = None
+    centre_of_gravity_mm: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,6 +38,7 @@ SAME_MM = 6e-4
 SAME_SPEED = 0.01
 #: The code of a move; other codes say kind, role, and whether something is switched on.
 MOVE = 0
+MOVES = (Kind.STRAIGHT, Kind.JOINTS, Kind.HOME)
 _UNKNOWN_ROLE = 1000
 
 
@@ -130,8 +131,7 @@ def codes_of(kind: NDArray[np.uint8], role: NDArray[np.int32], value: Floats) ->
     switched = (kind == Kind.OUTPUT) | (kind == Kind.WAIT) | (kind == Kind.SPINDLE)
     on = switched & (value > 0.0)
     codes = kind.astype(np.int32) * 2 + on + 32 * (role + 1)
-    moves = (kind == Kind.STRAIGHT) | (kind == Kind.JOINTS) | (kind == Kind.HOME)
-    return np.where(moves, MOVE, codes).astype(np.int32)
+    return np.where(np.isin(kind, MOVES), MOVE, codes).astype(np.int32)
 
 
 def unknown_role(signal: Ints) -> Ints:

@@ -15,6 +15,7 @@ from .frames import check_frames
 from .places import Places
 from .verdict import Rows
 from .visits import Path
+from .ways import clear_reach_mm, travel_speeds_fit
 
 _LINE = 1 << 32
 #: A wait stands at the depth that a fault asks for if it is within this: rounding.
@@ -45,8 +46,6 @@ class Faults:
 
     waits: list[Waits] = field(default_factory=list)
     alternatives: list[Alternative] = field(default_factory=list)
-    unknown_start: bool = False  # whether other joints move before the feed's place is known
-    asked: bool = False
 
     def add(self, path: Path, made: Made) -> None:
         """The waits of some visits."""
@@ -74,7 +73,7 @@ class Faults:
         told = np.zeros(len(waits.own), dtype=np.bool_)
         for one in self.alternatives:
             if not one.timeout:
-                self.asked |= _unknown_start(case, one)
+                _unknown_start(case, one)
                 continue
             rows = _waits_of(waits, one)
             if (rows < 0).any() and not last:
@@ -86,10 +85,6 @@ class Faults:
                 _compare(case, one, lanes, waits, rows[lanes])
         self.alternatives = left
         if last:
-            if self.unknown_start and not self.asked:
-                case.tally.fail(
-                    "ways", "nothing sees to it that the tool is withdrawn at the start"
-                )
             self._untold(case, waits, np.flatnonzero(~told))
             self.waits = []
         else:
@@ -363,29 +358,26 @@ def _last_depth(lanes: list[_Lane], start: Floats) -> Floats:
     return next((lane.depth_mm for lane in reversed(lanes) if lane.code == MOVE), start)
 
 
-def _unknown_start(case: Case, one: Alternative) -> bool:
-    """Where the program asks where the machine stands: all that may happen then is that the feed's
-    joint alone goes out of reach of every hole."""
+def _unknown_start(case: Case, one: Alternative) -> None:
+    """Where the program asks where the machine stands: what happens then is that the feed's joint
+    alone goes out of reach of every hole, and no more."""
     motion = case.program.motion
     case.tally.compared("ways", 1)
     joints = case.machine.joints(one.events)
     moves = np.isin(one.events.kind, (int(Kind.STRAIGHT), int(Kind.JOINTS)))
-    good = motion is not None and bool(moves.all())
-    if motion is not None and good and len(one.events):
+    good = motion is not None and len(moves) > 0 and bool(moves.all())
+    if motion is not None and good:
         others = np.arange(joints.shape[1]) != motion.feed_axis
         apart = np.abs(np.diff(joints[:, others], axis=0)) if len(joints) > 1 else np.zeros(0)
         good = not bool((apart > 1e-7).any())
-        out = motion.feed_sign * motion.withdraw_mm
-        slack = 2.0 * case.precision.joint_mm + NOISE_MM
-        reach = motion.feed_sign * joints[:, motion.feed_axis]
-        ends = motion.feed_sign * motion.joints[:, motion.feed_axis] + case.wanted.exit_mm
-        good &= bool((reach <= min(out.min(), ends.min()) + slack).all())
+        away = motion.feed_sign * joints[:, motion.feed_axis] - clear_reach_mm(case)
+        good &= bool((np.abs(away) <= case.precision.joint_mm + NOISE_MM).all())
+        good &= bool(travel_speeds_fit(case, one.events.speed_mm_s).all())
     if not good:
         case.tally.fail(
             "ways",
-            "what is done here depends on where the machine stands, and is more than to withdraw"
-            " the tool",
+            "what is done here depends on where the machine stands, and is not to withdraw"
+            " the tool as far as for any hole",
             file=one.file,
             line=one.line,
         )
-    return good

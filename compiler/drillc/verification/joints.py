@@ -19,7 +19,9 @@ _MOST_TOLD = 100
 
 
 def check_range(case: Case, path: Path) -> None:
-    """Where joints are stated, none is beyond its limits by more than rounding."""
+    """Where joints are stated, none is beyond its limits by more than rounding; and no axis is
+    moved that the spec does not have."""
+    _check_others(case, path)
     low, high, names = joint_limits(case)
     if not len(low):
         return
@@ -42,6 +44,28 @@ def check_range(case: Case, path: Path) -> None:
             path,
             int(at[row]),
             alike=max(len(rows) - _MOST_TOLD, 0) if row == rows[:_MOST_TOLD][-1] else 0,
+        )
+
+
+def _check_others(case: Case, path: Path) -> None:
+    """A pose states no axes beside it. Joints of a machine that has fewer are 0 in those that it
+    does not have."""
+    known = case.machine.columns[case.machine.columns >= 0]
+    free = np.setdiff1d(np.arange(path.events.joints.shape[1]), known)
+    values = path.events.joints[:, free]
+    told = path.moves[:, None] & np.isfinite(values)
+    poses = np.isfinite(path.events.position_mm[:, :1])
+    moved = told & (poses | ((values != 0.0) & case.machine.known))
+    rows = np.flatnonzero(moved.any(axis=1))
+    if len(rows):
+        row = int(rows[0])
+        k = int(np.argmax(moved[row]))
+        case.fail(
+            "joints",
+            f"{case.run.axes[free[k]]} is moved to {values[row, k]:g}, the spec has no such joint",
+            path,
+            row,
+            alike=len(rows) - 1,
         )
 
 

@@ -53,6 +53,8 @@ from .values import (
 MOST_TURNS = 100_000
 #: Routines that call one another deeper than this never return.
 DEEPEST = 50
+#: So many lanes are run together, which bounds the memory that their events take.
+MOST_LANES = 1 << 12
 #: How often lanes are run before they are run one by one instead.
 _MOST_TRIES = 6
 
@@ -174,6 +176,8 @@ class Machine:
                 known.name == frame.name
                 and _alike(known.rotation, frame.rotation)
                 and _alike(known.position_mm, frame.position_mm)
+                and known.mass_kg == frame.mass_kg
+                and _alike(known.centre_of_gravity_mm, frame.centre_of_gravity_mm)
             ):
                 return number
         self.frames.append(frame)
@@ -215,9 +219,12 @@ class Machine:
             raise self.fail("routines call one another without an end")
         for statement in body:
             if isinstance(statement, Repeated):
-                yield from self._batch(
-                    statement.body, statement.columns, statement.lines, statement.file
-                )
+                for first in range(0, len(statement.lines), MOST_LANES):
+                    some = np.arange(first, min(first + MOST_LANES, len(statement.lines)))
+                    columns = [_of_lanes(column, some) for column in statement.columns]
+                    yield from self._batch(
+                        statement.body, columns, statement.lines[some], statement.file
+                    )
             elif isinstance(statement, Call) and (routine := statement.routine()).steps:
                 self._at = statement.at
                 self.state["locals"].append(statement.enter(self))

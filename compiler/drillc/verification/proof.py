@@ -16,7 +16,7 @@ from .case import CHORD_ROUNDED_MM, Case, arm_by_joints, limits_of, roles_of
 from .checks import Made, check_places, depths_of
 from .coverage import Coverage, check_extra
 from .events import Alternative, Events, Kind, Step, joined
-from .expected import MOVE, codes_of, wanted_of, words_of
+from .expected import MOVE, MOVES, codes_of, wanted_of, words_of
 from .faults import Faults
 from .frames import check_frames
 from .joints import check_joints, check_range
@@ -196,6 +196,10 @@ class _Proof:
     matcher: Matcher = field(init=False)
     faults: Faults = field(default_factory=Faults)
     count: int = 0  # events that came since anything was judged
+    seen: int = 0  # moves that came so far
+    judged: int = 0  # moves before those that are held
+    #: Moves that had come when the program asked where the machine stands.
+    questions: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         wanted = self.case.wanted
@@ -207,9 +211,12 @@ class _Proof:
         """The next part of the run."""
         if isinstance(step, Alternative):
             self.faults.alternatives.append(step)
+            if not step.timeout:
+                self.questions.append(self.seen)
         elif len(step):
             self.held.append(step)
             self.count += len(step)
+            self.seen += int(np.count_nonzero(np.isin(step.kind, MOVES)))
         if self.count >= self.chunk:
             self.count = 0
             self._judge(last=False)
@@ -240,7 +247,9 @@ class _Proof:
         told = slice(fresh, end)
         check_extra(case, path.take(slice(0, end)), extra, made, known=self.known)
         legs = self._legs(made, end, last=last)
-        self.faults.unknown_start |= check_ways(case, path, legs)
+        # A question that was asked after the m-th move of the path stands before event m + 1 of
+        # its moves.
+        check_ways(case, path, legs, np.array(self.questions, dtype=np.intp) - self.judged)
         judged = path.take(told)
         check_frames(case, judged)
         check_range(case, judged)
@@ -253,6 +262,7 @@ class _Proof:
             self.coverage.count(case, path, made)
         moves = np.flatnonzero(path.moves[:end])
         here = moves[-1:] if len(moves) else np.arange(min(1, end))
+        self.judged += max(len(moves) - 1, 0)
         self.held = [path.events.take(np.concatenate([here, np.arange(end, len(path))]))]
         self.known = True
 
@@ -273,8 +283,8 @@ class _Proof:
             # A feed may be counted along some axes only; the time says how fast the tool is.
             with np.errstate(divide="ignore", invalid="ignore"):
                 told = way / events.value[straight]
-                if case.arm_by_joints:
-                    slack[straight] = CHORD_ROUNDED_MM / way
+            if case.arm_by_joints:
+                slack[straight] = CHORD_ROUNDED_MM / np.maximum(way, CHORD_ROUNDED_MM)
             speed = speed.copy()
             speed[straight] = np.where(np.isnan(told), speed[straight], told)
             if case.arm_by_joints and len(straight):

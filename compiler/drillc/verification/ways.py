@@ -6,6 +6,7 @@ other joints only where the feed is withdrawn as far as the plan says.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,13 +14,23 @@ import numpy as np
 from drillc.kernels.rotations import angle_between
 from drillc.language.source import Span
 
-from .case import NOISE_MM, NOISE_RAD, TRAVEL_CHORD_MM, Case, half_digit
+from .case import (
+    CHORD_MM,
+    NOISE_MM,
+    NOISE_RAD,
+    NOISE_SHARE,
+    TRAVEL_CHORD_MM,
+    Case,
+    half_digit,
+)
 from .events import Floats, Kind
 from .expected import SAME_MM
 from .steps import described
 from .verdict import Rows
-from .visits import Path
+from .visits import Bools, Path
 
+#: An arm's step on a straight way lasts at least so long, and its time is printed so exactly.
+LEAST_STEP_S, STEP_TIME_S = 1e-3, 0.5e-6
 #: Joints that are printed alike may differ by what doubles make of them, in degrees or mm.
 _SAME_JOINT = 1e-7
 
@@ -39,21 +50,21 @@ class Legs:
         return len(self.start)
 
 
-def check_ways(case: Case, path: Path, legs: Legs) -> bool:
-    """All legs of a stretch of path. Returns whether joints move before it is known where the
-    feed's joint is: then the program has to see to that."""
+def check_ways(case: Case, path: Path, legs: Legs, questions: Rows) -> None:
+    """All legs of a stretch of path. `questions`: how many of its moves came before the program
+    asked, each time, where the machine stands."""
     if not len(legs):
-        return False
+        return
     case.tally.compared("ways", len(legs))
     if case.program.motion is not None:
-        return _portal(case, path, legs)
+        _portal(case, path, legs, questions)
+        return
     plain = _plain(case, path, legs)
     for leg in np.flatnonzero(~plain).tolist():
         if case.program.arm is not None:
             _by_vias(case, path, legs, leg)
         else:
             _by_poses(case, path, legs, leg)
-    return False
 
 
 def _plain(case: Case, path: Path, legs: Legs) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -84,12 +95,8 @@ def _plain(case: Case, path: Path, legs: Legs) -> np.ndarray[tuple[int], np.dtyp
     leg = np.repeat(which, sizes)
     begin = path.places.position_mm[path.before[legs.start[leg]]]
     end = path.places.position_mm[legs.stop[leg] - 1]
-    off = np.fmax(
-        _off_way(path.places.position_mm[event], begin, end),
-        _off_way(path.middle_mm[event], begin, end),
-    )
-    good = (off <= TRAVEL_CHORD_MM) & (path.events.kind[event] == Kind.STRAIGHT)
-    good &= np.isfinite(path.speed_mm_s[event])
+    _, fits = _on_line(case, path, event, begin, end, legs.hole[leg])
+    good = fits & (path.events.kind[event] == Kind.STRAIGHT) & np.isfinite(path.speed_mm_s[event])
     _travel_speeds(case, path, event, legs.hole[leg])
     plain[np.unique(leg[~good])] = False
     return np.asarray(plain)
@@ -101,6 +108,19 @@ def _off_way(point: Floats, begin: Floats, end: Floats) -> Floats:
     length = np.maximum(np.einsum("ij,ij->i", way, way), 1e-12)
     share = np.clip(np.einsum("ij,ij->i", point - begin, way) / length, 0.0, 1.0)
     return np.asarray(np.linalg.norm(point - begin - share[:, None] * way, axis=1))
+
+
+def _on_line(
+    case: Case, path: Path, event: Rows, begin: Floats, end: Floats, hole: Rows
+) -> tuple[Floats, Bools]:
+    """How far events end (k,), or are on their way, from the straight ways between two places
+    (k, 3) each, and which of them are no farther than they may be."""
+    off = _off_way(path.places.position_mm[event], begin, end)
+    if not case.arm_by_joints:
+        return off, off <= 2.0 * (NOISE_MM + case.precision.length_mm)
+    bulge = _off_way(path.middle_mm[event], begin, end)
+    rounded = 2.0 * (case.limits.position_mm[np.minimum(hole, len(case.wanted) - 1)] - CHORD_MM)
+    return np.fmax(off, bulge), (off <= rounded) & ~(bulge > TRAVEL_CHORD_MM)
 
 
 # ── a program in poses, of which no arm is known ─────────────────────────────────────────────────
@@ -127,6 +147,7 @@ def _by_poses(case: Case, path: Path, legs: Legs, leg: int) -> None:
     if not events:
         return None
     arrival = events.pop()
+    _travel_speeds(case, path, np.array(events, dtype=np.intp), np.full(len(events), hole))
     if events and begins and kind[events[-1]] == Kind.JOINTS:
         there = float(np.linalg.norm(place[events[-1]] - place[arrival]))
         turned = angle_between(path.places.rotation[events[-1]], path.places.rotation[arrival])
@@ -228,8 +249,8 @@ def _by_vias(case: Case, path: Path, legs: Legs, leg: int) -> None:
             )
         if not by_joints:
             _on_way(case, path, events[: where + 1], at, target, hole)
-            straight_ones = np.array(events[: where + 1])
-            _travel_speeds(case, path, straight_ones, np.full(where + 1, min(hole, n - 1)))
+        rows = np.array(events[: where + 1])
+        _travel_speeds(case, path, rows, np.full(where + 1, min(hole, n - 1)))
         at = events[where]
         events = events[where + 1 :]
     if hole == n:
@@ -253,6 +274,7 @@ def _from_home(case: Case, path: Path, events: list[int], due: list[int]) -> lis
     if not at_home:
         case.fail("ways", "the program does not begin by going home", path, events[0])
         return events
+    _travel_speeds(case, path, np.array(events[:1]), np.array([0]))
     leads = due and bool(np.abs(vias.joints[due[0]] - home).max() <= 1e-9)
     return events if leads else events[1:]
 
@@ -289,10 +311,9 @@ def _on_way(case: Case, path: Path, events: list[int], before: int, end: Floats,
     n = len(case.wanted)
     rows = np.array(events)
     begin, ends = np.tile(place[before], (len(rows), 1)), np.tile(end, (len(rows), 1))
-    off = np.fmax(_off_way(place[rows], begin, ends), _off_way(path.middle_mm[rows], begin, ends))
-    limit = TRAVEL_CHORD_MM if case.arm_by_joints else 2.0 * NOISE_MM + case.precision.length_mm * 2
+    off, fits = _on_line(case, path, rows, begin, ends, np.full(len(rows), hole))
     straight = (kind[rows] == Kind.STRAIGHT) & np.isfinite(path.speed_mm_s[rows])
-    bad = np.flatnonzero(~((off <= limit) & straight))
+    bad = np.flatnonzero(~(fits & straight))
     short = np.linalg.norm(end - place[before]) < SAME_MM
     if len(bad) and not (short and straight.all()):
         event = int(rows[bad[0]])
@@ -310,79 +331,161 @@ def _on_way(case: Case, path: Path, events: list[int], before: int, end: Floats,
 # ── a portal ─────────────────────────────────────────────────────────────────────────────────────
 
 
-def _portal(case: Case, path: Path, legs: Legs) -> bool:
-    """Other joints move only while the feed is out as far as planned; the feed alone moves only
-    where it is out of the hole, which the cores see to."""
+def clear_reach_mm(case: Case) -> float:
+    """Where the feed's joint, counted into the part, is clear of every hole: as far out as any
+    withdrawal, and as any hole is left."""
+    motion = case.program.motion
+    assert motion is not None
+    feed = motion.joints[:, motion.feed_axis]
+    ends = motion.feed_sign * feed + case.wanted.exit_mm
+    out = motion.feed_sign * motion.withdraw_mm
+    return float(min(out.min(initial=np.inf), ends.min(initial=np.inf)))
+
+
+def _portal(case: Case, path: Path, legs: Legs, questions: Rows) -> None:
+    """Other joints move only while the feed is withdrawn as planned; the feed alone moves only
+    where it is out of the hole, which the cores see to, and to no other place."""
     motion = case.program.motion
     assert motion is not None
     n = len(case.wanted)
     sizes = legs.stop - legs.start
     event = np.concatenate([np.arange(a, b) for a, b in zip(legs.start, legs.stop, strict=True)])
-    hole = np.repeat(legs.hole, sizes)
+    leg = np.repeat(np.arange(len(legs)), sizes)
     keep = path.moves[event]
-    event, hole = event[keep], hole[keep]
+    event, leg = event[keep], leg[keep]
+    hole = legs.hole[leg]
     joints = path.places.joints
     home = path.events.kind[event] == Kind.HOME
     others = np.arange(joints.shape[1]) != motion.feed_axis
     before = np.maximum(path.before[event], 0)
     fresh = path.before[event] < 0
-    at, was = joints[event], joints[before]
-    shift = np.abs(at - was)[:, others]
-    moved = fresh | ~(shift <= _SAME_JOINT).all(axis=1)
-    withdraw = np.append(motion.withdraw_mm, np.nan)[hole] * motion.feed_sign
-    slack = case.precision.joint_mm + NOISE_MM
-    feed = motion.feed_sign * joints[:, motion.feed_axis]
-    starts = fresh | np.isnan(feed[before])
-    far = (feed[event] <= withdraw + slack) & (starts | (feed[before] <= withdraw + slack))
-    # Nobody knows where the feed is before it first moves: then the program has to ask.
-    unknown = np.isnan(feed[event]) & starts & ~home
-    alone = fresh & ~np.isfinite(at[:, others]).any(axis=1)
+    at, was = joints[event], np.where(fresh[:, None], np.nan, joints[before])
+    alone = ~home & ~np.isfinite(at[:, others]).any(axis=1)
+    moved = ~home & ~alone & ~(np.abs(at - was)[:, others] <= _SAME_JOINT).all(axis=1)
     last = np.minimum(hole, n - 1)
     planned = motion.joints[last][:, others]
     there = (np.abs(at[:, others] - planned) <= half_digit(case)[others] + NOISE_RAD).all(axis=1)
-    astray = moved & ~home & ~alone & ~((hole < n) & there)
-    for k in np.flatnonzero(astray).tolist():
-        name = "the end" if hole[k] == n else case.hole(int(hole[k]))
-        row = None if hole[k] == n else int(hole[k])
-        message = f"on the way to {name} joints go where they are not planned to"
-        case.fail("ways", message, path, int(event[k]), row)
-    # Where several joints move, only what the program states itself is a speed of the tool.
-    alone_or_told = ~home & (~moved | np.isfinite(path.events.speed_mm_s[event]) & ~fresh)
-    _travel_speeds(case, path, event[alone_or_told], last[alone_or_told])
-    bad = np.flatnonzero(moved & ~far & ~unknown & ~home & ~alone)
-    for k in bad.tolist():
-        row = int(hole[k])
-        name = "the end" if row == n else case.hole(row)
-        reach = motion.feed_sign * (withdraw[k] if row < n else np.nan)
-        case.fail(
-            "ways",
-            f"on the way to {name} other joints move while"
-            f" {motion.axes[motion.feed_axis].name} is at"
-            f" {np.nanmax([feed[event[k]], feed[before[k]]]) * motion.feed_sign:.3f} mm; it is to"
-            f" withdraw to {reach:.3f} mm first",
+    astray = moved & ~((hole < n) & there)
+    _tell(
+        case,
+        path,
+        event[astray],
+        hole[astray],
+        lambda name: f"on the way to {name} joints go where they are not planned to",
+    )
+
+    slack = case.precision.joint_mm + NOISE_MM
+    withdraw = np.append(motion.feed_sign * motion.withdraw_mm, np.nan)[hole]
+    clear = np.where(_between_parts(case, path, legs)[leg], clear_reach_mm(case), np.nan)
+    reach, from_mm = (motion.feed_sign * q[:, motion.feed_axis] for q in (at, was))
+
+    def out(where: Floats) -> Bools:
+        return (np.abs(where - withdraw) <= slack) | (np.abs(where - clear) <= slack)
+
+    # Nobody knows where the feed is before it first moves: then the program has to ask.
+    unknown = np.isnan(from_mm) & (home | (moved & np.isnan(reach)))
+    asked = _asked(path, event, questions)
+    free = np.where(home, from_mm <= clear + slack, out(reach) & out(from_mm))
+    bad = (home | moved) & ~free & ~(unknown & asked)
+    axis = motion.axes[motion.feed_axis].name
+    for k in np.flatnonzero(bad).tolist():
+        places = [place for place in (from_mm[k], reach[k]) if not np.isnan(place)]
+        where = f"at {motion.feed_sign * max(places):.3f} mm" if places else "anywhere"
+        first = withdraw[k] if np.isfinite(withdraw[k]) else clear_reach_mm(case)
+        _tell(
+            case,
             path,
-            int(event[k]),
-            None if row == n else row,
+            event[[k]],
+            hole[[k]],
+            lambda name, where=where, first=first: (
+                f"on the way to {name} other joints move while"
+                f" {axis} is {where}; it is to withdraw to {motion.feed_sign * first:.3f} mm first"
+            ),
         )
-    return bool(unknown.any())
+    arrives = (event == legs.stop[leg] - 1) & (hole < n)
+    stays = np.abs(reach - from_mm) <= _SAME_JOINT
+    odd = ~bad & ~arrives & ~home & ~np.isnan(reach) & ~stays & ~out(reach)
+    for k in np.flatnonzero(odd).tolist():
+        first = withdraw[k] if np.isfinite(withdraw[k]) else clear_reach_mm(case)
+        _tell(
+            case,
+            path,
+            event[[k]],
+            hole[[k]],
+            lambda name, k=k, first=first: (
+                f"on the way to {name} {axis} goes to"
+                f" {motion.feed_sign * reach[k]:.3f} mm; it is to withdraw to"
+                f" {motion.feed_sign * first:.3f} mm"
+            ),
+        )
+    # Where several joints move, only what the program states itself is a speed of the tool.
+    told = ~home & (~moved | np.isfinite(path.events.speed_mm_s[event]))
+    _travel_speeds(case, path, event[told], last[told])
+
+
+def _tell(case: Case, path: Path, event: Rows, hole: Rows, say: Callable[[str], str]) -> None:
+    """A failure of `ways` at each event; `say` is told what it is on the way to."""
+    n = len(case.wanted)
+    for at, row in zip(event.tolist(), hole.tolist(), strict=True):
+        name = "the end" if row == n else case.hole(row)
+        case.fail("ways", say(name), path, at, None if row == n else row)
+
+
+def _between_parts(case: Case, path: Path, legs: Legs) -> Bools:
+    """Which legs begin or end a program, or lead from one of its files to the next: there it may
+    withdraw as far as for any hole."""
+    file = path.events.call_file
+    if not len(file):
+        return np.zeros(len(legs), dtype=np.bool_)
+    first = file[np.clip(legs.start - 1, 0, len(file) - 1)]
+    last = file[np.clip(legs.stop - 1, 0, len(file) - 1)]
+    begins = (np.arange(len(legs)) == 0) & (not legs.known)
+    return np.asarray(begins | (first != last) | (legs.hole == len(case.wanted)))
+
+
+def _asked(path: Path, event: Rows, questions: Rows) -> Bools:
+    """Before which events the program has asked where the machine stands, since it was last at a
+    home that it does not know."""
+    moves = np.cumsum(path.moves)
+    home = np.where(path.events.kind == Kind.HOME, moves, 0)
+    before = np.maximum(event - 1, 0)
+    so_far = np.where(event > 0, moves[before], 0)
+    since = np.where(event > 0, np.maximum.accumulate(home)[before], 0)
+    asked = np.sort(questions)
+    latest = np.searchsorted(asked, so_far, side="right") - 1
+    found = np.append(asked, -1)[latest]  # of none before: the last, -1
+    return np.asarray((latest >= 0) & (found >= since))
+
+
+def travel_speeds_fit(case: Case, found_mm_s: Floats) -> Bools:
+    """Which speeds are those at which some process of the program travels; NaN is not stated."""
+    asked = np.array([cycle.process.travel_mm_s for cycle in case.program.cycles])
+    fits = np.abs(found_mm_s[:, None] / asked - 1.0) <= case.limits.speeds(asked)
+    return np.asarray(fits.any(axis=1) | np.isnan(found_mm_s))
 
 
 def _travel_speeds(case: Case, path: Path, event: Rows, hole: Rows) -> None:
     """On straight ways the tool is as fast as some process of the program travels; an arm that goes
-    by its joints may be slower. Speeds that are not stated are not judged here."""
+    by its joints is slower where they are no faster. Speeds that are not stated are not judged."""
     found = path.speed_mm_s[event]
     asked = np.array([cycle.process.travel_mm_s for cycle in case.program.cycles])
     before = np.maximum(path.before[event], 0)
-    way = path.places.position_mm[event] - path.places.position_mm[before]
-    told = np.isfinite(found) & ~(np.linalg.norm(way, axis=1) < SAME_MM)
-    event, hole, found = event[told], hole[told], found[told]
+    way = np.linalg.norm(path.places.position_mm[event] - path.places.position_mm[before], axis=1)
+    told = np.isfinite(found) & ~((way < SAME_MM) & (path.before[event] >= 0))
+    event, hole, found, way, before = (x[told] for x in (event, hole, found, way, before))
     if not len(event):
         return
-    apart = found[:, None] / asked - 1.0
+    ideal = np.repeat(asked[None], len(event), axis=0)
     if case.arm_by_joints:
-        apart = np.maximum(apart, 0.0)
-    error = np.abs(apart).min(axis=1)
-    limit = case.limits.speed_share + path.speed_slack[event]
+        turned = np.abs(path.places.joints[event] - path.places.joints[before])
+        seconds = np.maximum((turned / case.program.arm.arm.speeds).max(axis=1), LEAST_STEP_S)  # type: ignore[union-attr]
+        ideal = np.minimum(ideal, (way / seconds)[:, None])
+    apart = np.abs(found[:, None] / ideal - 1.0)
+    least = apart.argmin(axis=1)
+    rows = np.arange(len(event))
+    limit = case.limits.speeds(asked)[least] + path.speed_slack[event]
+    if case.arm_by_joints:
+        limit = path.speed_slack[event] + STEP_TIME_S * found / way + NOISE_SHARE
 
     def say(k: int) -> tuple[str, Span | None]:
         process = case.wanted.process(int(hole[k]))
@@ -392,7 +495,7 @@ def _travel_speeds(case: Case, path: Path, event: Rows, hole: Rows) -> None:
             process.span,
         )
 
-    case.figures("speed", error, limit, path, event, hole, say)
+    case.figures("speed", apart[rows, least], limit, path, event, hole, say)
 
 
 def check_homes(case: Case) -> None:

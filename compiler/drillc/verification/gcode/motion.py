@@ -130,16 +130,15 @@ def _mind_corner(
     state = machine.state
     before = state["corner"]
     blends = uniform(machine, state["modes"]["blends"]) and not exact
-    open_before = any(isinstance(way, np.ndarray) or way != 0.0 for way in before)
+    open_before = any(isinstance(way, np.ndarray) or way != 0.0 for way in before)  # NaN too
     if not blends and not open_before:
         return
-    ways = [
-        0.0 if after[x] is place[x] else np.nan_to_num(after[x] - place[x])[()] for x in LETTERS
-    ]
+    ways = [0.0 if after[x] is place[x] else after[x] - place[x] for x in LETTERS]
     if open_before:
         along = sum(one * two for one, two in zip(before, ways, strict=True))
         sizes = sum(way * way for way in before) * sum(way * way for way in ways)
-        turned = (sizes > 0.0) & (along < _STRAIGHT_ON * np.sqrt(sizes))
+        # Where it came from, or goes to, may not be known: then it turns.
+        turned = ~(sizes == 0.0) & ~(along >= _STRAIGHT_ON * np.sqrt(sizes))
         if np.any(turned):
             machine.emit(Kind.MESSAGE, value=np.where(turned, CUT, NOT_CUT))
     blends = blends and state["tolerance_mm"] > _LITTLE_MM

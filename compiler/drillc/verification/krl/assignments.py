@@ -66,10 +66,10 @@ class Assignments:
                 index, frame = self.values.index_of(target), self._frame(value)
                 return system.data_written(name, index, frame)
             case "LOAD_DATA":
-                self.values.index_of(target)
+                index = self.values.index_of(target)
                 if isinstance(value, Tree) and value.data == "aggregate":
-                    self.values.aggregate(value, "LOAD")
-                return _nothing
+                    return system.data_written(name, index, self.values.aggregate(value, "LOAD"))
+                return system.data_written(name, index, lambda m: None)
             case "$TOOL" | "$BASE" if not suffix:
                 return self._frame_chosen(name, value)
             case "$H_POS":
@@ -135,7 +135,7 @@ class Assignments:
             if function in (_TOOLS if what == "tool" else _BASES):
                 return self._chosen_by(what, value)
         read = self._frame(value)
-        return lambda m: system.activate(m, notes, what, name, read(m))
+        return lambda m: system.activate(m, notes, what, name, read(m), None)
 
     def _chosen_by(self, what: str, call: Node) -> Act:
         """STOOL2(FP1), STOOL(1) or SBASE(FP1.BASE_NO)."""

@@ -80,7 +80,7 @@ def _to_axes(m: Machine, straight: bool, value: Mapping[str, Any]) -> None:
     if straight:
         raise m.fail("LIN goes to a pose, not to axes")
     axes = {**m.state["axes"], **{name: value[name] for name in AXES if name in value}}
-    m.emit(Kind.JOINTS, joints=_row(axes), value=_axis_share(m))
+    m.emit(Kind.JOINTS, joints=_row(axes), value=_axis_share(m), tool=m.state["tool"])
     m.state["axes"] = axes
     m.state["place"] = {}
 
@@ -93,6 +93,8 @@ def _to_pose(m: Machine, notes: Notes, straight: bool, pose: Pose) -> None:
         "base": m.state["base"],
     }
     external = {name: pose.said[name] for name in EXTERNAL_AXES if name in pose.said}
+    if not any(np.any(value) for value in external.values()):
+        external = {}  # as the controller itself writes them, for axes that there are not
     axes = {**dict.fromkeys(AXES, math.nan), **{n: m.state["axes"][n] for n in EXTERNAL_AXES}}
     axes.update(external)
     if external:

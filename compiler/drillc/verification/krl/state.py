@@ -46,6 +46,7 @@ def at_the_start(data: Mapping[str, Any]) -> dict[str, Any]:
         "base": -1,
         "tool_data": {},
         "base_data": {},
+        "load_data": {},
         "speed_m_s": math.nan,
         "axis_percent": [math.nan] * len(ARM_AXES),  # of full speed
         "override_percent": 100.0,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,12 @@ import numpy as np
 from drillc.verification.events import Kind, ToolFrame
 from drillc.verification.machine import UNDECIDED, Machine
 
-from .arithmetic import number, one, shown, truth
+from .arithmetic import is_number, number, one, shown, truth
 from .constants import whole
 from .frames import Pose
 from .references import Evaluate
 from .state import Notes, arrive, flag_of, must_have_arrived
-from .words import FRAME
+from .words import FRAME, PLACE
 
 #: System variables that change nothing of what is judged here: how quickly speeds are reached, how
 #: corners would be rounded, what is displayed.
@@ -144,14 +144,15 @@ def timer_written(
 
 
 def data_written(table: str, place: Evaluate, value: Evaluate) -> Callable[[Machine], None]:
-    """TOOL_DATA[n]=… or BASE_DATA[n]=…: it counts when the tool or base is chosen."""
+    """TOOL_DATA[n]=…, LOAD_DATA[n]=… or BASE_DATA[n]=…: it counts when the tool or base is
+    chosen."""
 
     def act(m: Machine) -> None:
         index = one(m, place(m), f"the number of {table}")
         if not 1 <= index <= 128:
             raise m.fail(f"there is no {table}[{index}]")
         given = value(m)
-        if isinstance(given, dict) and (lacks := whole("FRAME", given)):
+        if table != "LOAD_DATA" and isinstance(given, dict) and (lacks := whole("FRAME", given)):
             raise m.fail(f"{table}[{index}]: {lacks}")
         m.state[table.lower()][str(index)] = given
 
@@ -164,19 +165,37 @@ def choose(m: Machine, notes: Notes, what: str, index: int) -> None:
         raise m.fail(f"there is no {what.upper()}_DATA[{index}]")
     data = m.state[f"{what}_data"].get(str(index))
     name = f"{what.upper()}_DATA[{index}]"
-    activate(m, notes, what, name, data)
+    load = m.state["load_data"].get(str(index)) if what == "tool" else None
+    activate(m, notes, what, name, data, load)
 
 
-def activate(m: Machine, notes: Notes, what: str, name: str, value: Any) -> None:
-    """$TOOL or $BASE; `value` is the frame, or None if only the controller knows it."""
+def activate(
+    m: Machine, notes: Notes, what: str, name: str, value: Any, load: Mapping[str, Any] | None
+) -> None:
+    """$TOOL or $BASE; `value` is the frame, or None if only the controller knows it; so is the
+    `load` of the tool."""
     m.state["place"] = {}
+    mass_kg, centre_mm = _mass_and_centre(m, load or {})
     if value is None:
-        m.state[what] = m.frame(ToolFrame(name))
+        m.state[what] = m.frame(ToolFrame(name, None, None, mass_kg, centre_mm))
         return
     pose = value if isinstance(value, Pose) else notes.poses.of(value)
     if pose.matrix().ndim > 2 or pose.position_mm.ndim > 1:
         raise m.fail(f"{name} differs from hole to hole")
-    m.state[what] = m.frame(ToolFrame(name, pose.matrix(), pose.position_mm))
+    m.state[what] = m.frame(ToolFrame(name, pose.matrix(), pose.position_mm, mass_kg, centre_mm))
+
+
+def _mass_and_centre(m: Machine, load: Mapping[str, Any]) -> tuple[float | None, Any]:
+    """What a load says of them, in kg and mm; None where it says nothing."""
+    mass, centre = load.get("M"), load.get("CM", {})
+    places = [centre.get(axis) for axis in PLACE]
+    for value in (mass, *places):
+        if value is not None and not is_number(value):
+            raise m.fail("a load has a mass M and a centre of gravity CM {X …,Y …,Z …}")
+    return (
+        None if mass is None else float(mass),
+        None if None in places else np.array(places, dtype=np.float64),
+    )
 
 
 def active(m: Machine, what: str) -> Any:

@@ -146,8 +146,9 @@ def _wait_time(name: str, arguments: Arguments) -> Act:
     in_place = "inpos" in arguments.options
 
     def act(m: Machine) -> None:
-        if not in_place:
-            standing(m, arguments.scope.program.findings, str(arguments.at))
+        if in_place:
+            m.state["passed"] = []
+        standing(m, arguments.scope.program.findings, str(arguments.at))
         m.emit(Kind.PAUSE, value=seconds.get(m))
 
     return act
@@ -180,7 +181,12 @@ def _stand_still(name: str, arguments: Arguments) -> Act:
     """Stop and Break: until somebody presses start."""
     arguments.only("noregain", "allmovetasks")
     arguments.count(0)
-    return lambda m: m.emit(Kind.PAUSE, value=math.inf)
+
+    def act(m: Machine) -> None:
+        standing(m, arguments.scope.program.findings, str(arguments.at))
+        m.emit(Kind.PAUSE, value=math.inf)
+
+    return act
 
 
 # ── settings ─────────────────────────────────────────────────────────────────────────────────────

@@ -133,7 +133,7 @@ class Lowering:
             case "return":
                 return self._return(place, at, tree)
             case "exit":
-                return [Do(at, Machine.stop)]
+                return [Do(at, lambda m: _end(m, self.program.findings))]
             case "empty":
                 return ()
         raise scope.error(tree, _REFUSED.get(tree.data, f"{tree.data} is not read"))
@@ -381,3 +381,9 @@ _REFUSED = {
     "connect": "interrupts (CONNECT) are not read",
     "handler": "error handlers are not read",
 }
+
+
+def _end(m: Machine, findings: list[Finding]) -> None:
+    """EXIT: at once, wherever the tool then is."""
+    standing(m, findings, "EXIT")
+    m.stop()

@@ -31,15 +31,18 @@ from .types import (
 
 Act = Callable[[Machine], None]
 _OPTIONS = ("v", "z", "inpos", "wobj", "id", "tload")
-#: A move that goes on like this much of what it went before is turned back.
-_BACK_MM = 1e-6
+#: A way that goes on goes straight on if the cosine of the turn is no farther from 1; and one that
+#: is so short leads nowhere.
+_STRAIGHT_ON, _SAME_MM = 1e-9, 1e-6
 
 
 @dataclass(frozen=True)
 class _Move:
-    """What all moves have: how fast in mm/s, whether to the very end, and tool and base."""
+    """What all moves have: how fast in mm/s, where external axes move alone too; whether to the very
+    end; and tool and base."""
 
     speed: Callable[[Machine], Value]
+    external: Callable[[Machine], Value]
     exact: Callable[[Machine], Value]
     zone: str
     frames: Callable[[Machine], tuple[int, int]]
@@ -73,8 +76,8 @@ def move(name: str, arguments: Arguments) -> Act:
         )
         if not program.asks:
             return
-        _check_turning_back(m, program.findings, goes[0], turn)
-        _note_zone(m, parts, goes[0], turn)
+        _check_passing(m, program.findings, goes[0], parts.speed(m) if straight else np.nan)
+        _note_zone(m, parts, goes[0])
         m.state["target"] = goes
         m.state["tool"], m.state["base"] = tool, base
         m.state["joints"] = [np.nan] * 6 + [
@@ -93,16 +96,18 @@ def _by_joints(arguments: Arguments, parts: _Move) -> Act:
         goes = target.get(m)
         values = [_used(value) for group in goes for value in group]
         tool, base = parts.frames(m)
+        alone = all(map(_absent, goes[0]))
         m.emit(
             Kind.JOINTS,
             joints=per_lane(m, values),
-            speed_mm_s=parts.speed(m),
+            speed_mm_s=(parts.external if alone else parts.speed)(m),
             tool=tool,
             base=base,
         )
         if not program.asks:
             return
-        _note_zone(m, parts, NO_TARGET[0], None)
+        _check_passing(m, program.findings, NO_TARGET[0], np.nan)
+        _note_zone(m, parts, NO_TARGET[0])
         m.state["joints"] = [
             old if _absent(new) else value
             for new, value, old in zip(
@@ -153,7 +158,10 @@ def _common(arguments: Arguments, wobj: str) -> _Move:
     def exact(m: Machine) -> Value:
         return zone.get(m)[0] if wider is None else False
 
-    return _Move(mm_s, exact, name, frame_numbers(arguments, arguments.given[3], wobj))
+    def external(m: Machine) -> Value:
+        return speed.get(m)[2]
+
+    return _Move(mm_s, external, exact, name, frame_numbers(arguments, arguments.given[3], wobj))
 
 
 def frame_numbers(
@@ -201,7 +209,14 @@ def _tool(name: str, value: Value) -> ToolFrame:
     if value is None or value[0] is not True:
         return ToolFrame(name)
     position, orient = value[1]
-    return ToolFrame(name, rotation(orient)[0], np.array(position, dtype=np.float64))
+    mass, centre, *_ = value[2]
+    return ToolFrame(
+        name,
+        rotation(orient)[0],
+        np.array(position, dtype=np.float64),
+        float(mass),
+        np.array(centre, dtype=np.float64),
+    )
 
 
 def _base(name: str, value: Value) -> ToolFrame:
@@ -232,29 +247,30 @@ def _find(findings: list[Finding], passed: Value, what: str) -> None:
         findings.append(finding)
 
 
-def _note_zone(m: Machine, parts: _Move, goes: Value, turn: Any) -> None:
+def _note_zone(m: Machine, parts: _Move, goes: Value) -> None:
+    """Keeps what must be known of a move that is not carried through to its end."""
     if parts.exact(m) is True:
         m.state["passed"] = []
         return
-    came = m.state["target"][0]
-    depth = 0.0 if turn is None else _along(turn, came, goes)
-    m.state["passed"] = [float(m.at.file), float(m.at.line), parts.zone, depth]
+    place = [float(m.at.file), float(m.at.line), parts.zone]
+    m.state["passed"] = [*place, m.state["target"][0], goes, parts.speed(m)]
 
 
-def _check_turning_back(m: Machine, findings: list[Finding], goes: Value, turn: Any) -> None:
-    """A plunge ends where the tool turns back: it must be carried through to its end."""
+def _check_passing(m: Machine, findings: list[Finding], goes: Value, speed: Value) -> None:
+    """What does not end where it is told is no harm only where the tool goes straight on, no faster
+    and no slower; or where it is there already."""
     passed = m.state["passed"]
-    if passed and np.any(
-        (np.asarray(passed[3]) > _BACK_MM)
-        & (np.asarray(_along(turn, m.state["target"][0], goes)) < -_BACK_MM)
-    ):
-        _find(findings, passed, "the tool turns back")
+    if not passed:
+        return
+    came, there = passed[3], passed[4]
+    one, two = (_way(*ends) for ends in ((came, there), (there, goes)))
+    lengths = [np.sqrt(sum(part * part for part in way)) for way in (one, two)]
+    along = sum(a * b for a, b in zip(one, two, strict=True))
+    onward = along >= lengths[0] * lengths[1] * (1.0 - _STRAIGHT_ON)
+    good = (onward & (np.asarray(speed) == passed[5])) | (lengths[1] <= _SAME_MM)
+    if not np.all(good):
+        _find(findings, passed, "the tool turns, or is faster or slower")
 
 
-def _along(turn: Any, came: Value, goes: Value) -> Value:
-    """How far it goes along the tool's axis; NaN where nobody knows where it came from."""
-    axis = turn[:, :, 2]
-    total: Any = 0.0
-    for i in range(3):
-        total = total + axis[:, i] * (np.asarray(goes[i]) - np.asarray(came[i]))
-    return total if len(total) > 1 else float(total[0])
+def _way(came: Value, goes: Value) -> list[Any]:
+    return [np.asarray(b) - np.asarray(a) for a, b in zip(came, goes, strict=True)]

@@ -18,6 +18,7 @@ from .data import Module
 from .linking import linked
 from .listing import Listing, listing
 from .lowering import Lowering
+from .motion import standing
 from .program import Program
 from .state import AXES, first_state
 
@@ -44,7 +45,8 @@ class RapidRun(Run):
         state["locals"] = [dict(main.first)]
         machine = Machine(self.axes, state)
         self.signals, self.frames = machine.signals, machine.frames
-        return machine.run(main.routine)
+        yield from machine.run(main.routine)
+        standing(machine, self.program.findings, "the program ends")
 
     def findings(self) -> Sequence[Finding]:
         found = list(self.problems)

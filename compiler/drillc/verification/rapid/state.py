@@ -20,8 +20,8 @@ NO_TARGET = [[_UNKNOWN] * 3, [_UNKNOWN] * 4, [_UNKNOWN] * 4, [_UNKNOWN] * 6]
 def first_state(data: Mapping[str, Value]) -> dict[str, Any]:
     """As a program begins: nobody knows where the axes stand, and configurations are watched.
 
-    `passed`: file, line and name of the zone of a move that was not carried through to its end, and
-    how far it went along the tool; an empty list where the axes stand.
+    `passed`: file, line and name of the zone of a move that was not carried through to its end,
+    from where to where it went, and its speed; an empty list where the axes stand.
     """
     return {
         "locals": [{}],
