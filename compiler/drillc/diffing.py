@@ -19,7 +19,7 @@ from drillc.planning.program import Program
 from drillc.verification.difference import Difference, difference
 from drillc.verification.folder import program_files, renamed_in
 from drillc.verification.listing import made_of_plan, made_of_run, planned_words
-from drillc.verification.made import Made
+from drillc.verification.made import MOVE_STEP, Made
 from drillc.verification.places import Machine, machine_of
 from drillc.verification.reading import Reader, ReadError, Run
 from drillc.verification.registry import find_readers
@@ -170,7 +170,8 @@ def _made(side: Side, post: str, name: str, other: Side) -> Made:
     )
     words = planned_words(program, reader, renamed)
     plan = made_of_plan(program, words, from_below(planned.job))
-    standoffs = sorted({steps[0].depth_mm for steps in plan.step_lists})
+    ends = [[s.depth_mm for s in steps if s.what == MOVE_STEP] for steps in plan.step_lists]
+    standoffs = sorted({depth for depths in ends for depth in (depths[0], depths[-1])})
     return made_of_run(run, _machine(planned, post, run, program), words, standoffs)
 
 
@@ -237,7 +238,7 @@ def git_diff(arguments: Sequence[str], report: Report) -> str:
         try:
             one = side_of(Path(path), None, None, report, instead=Path(old))
             two = side_of(Path(target), None, None, report, instead=Path(new))
-            return head + as_text(compare(one, two)).replace(f"{path} -> {target}", "holes", 1)
+            return head + as_text(compare(one, two)).replace(f"{path} -> {target}: ", "", 1)
         except Refused:
             head += "one of the versions has errors, so they are compared as text\n"
         except NotComparable as wrong:

@@ -185,7 +185,7 @@ def test_git_diff_shows_what_a_changed_rule_means(repository: Path) -> None:
     told = git(repository, "diff")
     assert told == (
         "drillc diff specs/plate.drill\n"
-        "PLATE: holes: 3 -> 3 holes\n"
+        "PLATE: 3 -> 3 holes\n"
         "changed: 3\n"
         "  heading turned: 3 holes, by -90.000 deg\n"
         "  ~ P1, P2, P3  (specs/plate.drill:13)\n"

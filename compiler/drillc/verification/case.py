@@ -68,8 +68,9 @@ class Case:
     precision: Precision
     limits: Limits
     tally: Tally
-    #: Where a part of a program in poses begins or ends: whether it goes home there.
-    homes: list[tuple[bool, Path, int]] = field(default_factory=list)
+    states_loads: bool  # whether a program says what its tool weighs
+    #: Where a part of a program in poses begins or ends: whether it goes home there, and the event.
+    homes: list[tuple[bool, Path]] = field(default_factory=list)
 
     @property
     def by_joints(self) -> bool:

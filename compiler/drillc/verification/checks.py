@@ -8,7 +8,7 @@ import numpy as np
 
 from .case import Case
 from .events import Floats, Kind
-from .matching import Marks, near
+from .matching import NEAR_DEEP_MM, Marks, near
 from .verdict import Rows
 from .visits import Cores, Items, Path, Visits
 
@@ -76,6 +76,10 @@ def check_places(case: Case, path: Path, made: Made) -> None:
 
     # The line through the tool's point along the tool's own axis, seen from the hole.
     aside = _aside(wanted.position_mm[hole] - there, axis)
+    # One that is far from it along the axis too has its depths from its own bottom.
+    along = np.einsum("ij,ij->i", there - wanted.position_mm[hole], wanted.axis[hole])
+    astray = np.abs(along - made.depth_mm[at])
+    aside = np.where(astray > NEAR_DEEP_MM, np.hypot(aside, astray), aside)
     case.figures(
         "position",
         aside,

@@ -135,10 +135,19 @@ def _changes(before: Made, after: Made, old: Rows, new: Rows, tolerance: Toleran
     one, two = before.configuration[old], after.configuration[new]
     both = np.isfinite(one).any(axis=1) & np.isfinite(two).any(axis=1)
     flipped = both & (np.nan_to_num(one, nan=-1.0) != np.nan_to_num(two, nan=-1.0)).any(axis=1)
-    said: dict[tuple[int, int], tuple[str, ...]] = {}
-    pairs = list(zip(before.steps[old].tolist(), after.steps[new].tolist(), strict=True))
+    said: dict[tuple[int, int, float], tuple[str, ...]] = {}
+    pairs = list(
+        zip(
+            before.steps[old].tolist(),
+            after.steps[new].tolist(),
+            np.round(deeper, 3).tolist(),
+            strict=True,
+        )
+    )
     for pair in set(pairs):
-        said[pair] = step_changes(before.step_lists[pair[0]], after.step_lists[pair[1]], tolerance)
+        said[pair] = step_changes(
+            before.step_lists[pair[0]], after.step_lists[pair[1]], tolerance, pair[2]
+        )
     differs = np.array([bool(said[pair]) for pair in pairs], dtype=np.bool_)
     differs |= (aside > tolerance.length_mm) | (np.abs(deeper) > tolerance.length_mm)
     differs |= (tilt > tolerance.angle_rad) | (np.abs(turn) > tolerance.angle_rad) | flipped
@@ -181,9 +190,13 @@ def _told(configuration: Floats) -> str:
 
 
 def step_changes(
-    before: tuple[Step, ...], after: tuple[Step, ...], tolerance: Tolerance
+    before: tuple[Step, ...],
+    after: tuple[Step, ...],
+    tolerance: Tolerance,
+    deeper_mm: float = 0.0,
 ) -> tuple[str, ...]:
-    """What is done otherwise, in words; where steps come or go, which."""
+    """What is done otherwise, in words; where steps come or go, which. A hole that is `deeper_mm`
+    deeper has its standoffs so much farther from its bottom: that is no other change."""
     before, after = _with_plunge(before), _with_plunge(after)
     if [step.what for step in before] != [step.what for step in after]:
         return tuple(_edits(before, after))
@@ -199,6 +212,8 @@ def step_changes(
             a, b = getattr(one, name), getattr(two, name)
             if name == "speed_mm_s" and (np.isnan(a) or np.isnan(b)):
                 continue  # not stated, as on a way by joints
+            if name == "depth_mm" and abs(b + deeper_mm - a) <= limit:
+                continue
             if (np.isnan(a) != np.isnan(b)) or abs(a - b) > limit:
                 shown = "pecks in mm" if one.what == PLUNGE and name == "value" else _SHOWN[name]
                 words.append(f"{_called(one)}: {shown} {_number(a)} -> {_number(b)}")

@@ -102,8 +102,8 @@ def _wrong(case: Case, frame: ToolFrame, asked: _Asked, setting: str | None) -> 
 
 
 def _wrong_load(case: Case, frame: ToolFrame, tool: Tool) -> str:
-    """Mass and centre of gravity, where the spec gives both."""
-    if tool.mass_kg is None or tool.centre_of_gravity_mm is None:
+    """Mass and centre of gravity, where the spec gives both and the language has them."""
+    if not case.states_loads or tool.mass_kg is None or tool.centre_of_gravity_mm is None:
         return ""
     if frame.mass_kg is None or frame.centre_of_gravity_mm is None:
         return f"tool {frame.name} is used, and the program does not state its load"

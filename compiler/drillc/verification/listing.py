@@ -108,7 +108,7 @@ def made_of_run(
 ) -> Made:
     """Run a program and list its holes: the visits at which it does something. `machine` says where
     joints bring the tool, `words` which signal is which role; `standoffs` are depths from the
-    bottom at which a portal may begin. Raises ReadError."""
+    bottom at which a visit may begin and end, where they are known. Raises ReadError."""
     parts = [step for step in run.steps() if isinstance(step, Events)]
     events = joined(parts) if parts else no_events(len(run.axes))
     path = _path(events, machine, run, words)
@@ -121,8 +121,8 @@ def made_of_run(
     if busy.any():
         visits = visits.take(busy)
     cores = Cores(visits.start, visits.stop - 1)
-    if machine is not None and machine.portal is not None and standoffs:
-        cores = _without_withdrawals(path, visits, depth, standoffs)
+    if standoffs:
+        cores = _between_standoffs(path, visits, depth, standoffs)
     items = items_of(path, cores, depth, together=True)
     names = _names(run, words)
     steps, lists = _found_steps(path, depth, items.event, items.first, names)
@@ -193,20 +193,25 @@ def _depth(path: Path, visits: Visits) -> Floats:
     return depth
 
 
-def _without_withdrawals(
+def _between_standoffs(
     path: Path, visits: Visits, depth: Floats, standoffs: Sequence[float]
 ) -> Cores:
-    """From the standoff to the first move after all is done: a portal arrives where it has
-    withdrawn to, and withdraws for the next hole."""
+    """From the first standoff to the first one after the bottom, with what is switched there: a
+    portal, or an arm on its way, may come from farther out on the same line and go on there."""
     first, last = visits.start.copy(), visits.stop - 1
-    for k, (start, stop) in enumerate(zip(visits.start, visits.stop, strict=True)):
-        away = np.abs(depth[start:stop, None] - np.asarray(standoffs)[None, :]).min(axis=1)
-        there = np.flatnonzero(path.moves[start:stop] & (away <= THERE_MM))
-        first[k] = start + (there[0] if len(there) else 0)
-        done = np.flatnonzero(~path.moves[start:stop])
-        if len(done):
-            last[k] = min(stop - 1, start + done[-1] + 1)
-    return Cores(first, np.maximum(first, last))
+    places = np.asarray(standoffs)
+    for k, (start, stop, deepest) in enumerate(
+        zip(visits.start, visits.stop, visits.deepest, strict=True)
+    ):
+        away = np.abs(depth[start:stop, None] - places[None, :]).min(axis=1)
+        there = start + np.flatnonzero(path.moves[start:stop] & (away <= THERE_MM))
+        before, after = there[there < deepest], there[there > deepest]
+        if len(before):
+            first[k] = before[0]
+        if len(after):
+            moves = after[0] + 1 + np.flatnonzero(path.moves[after[0] + 1 : stop])
+            last[k] = (moves[0] if len(moves) else stop) - 1
+    return Cores(first, last)
 
 
 def _found_steps(

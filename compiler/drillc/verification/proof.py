@@ -30,7 +30,7 @@ from .visits import Path, Visits, cores_of, items_of, visits_of
 from .ways import Legs, check_homes, check_ways
 
 #: So many events of the main run are looked at together.
-CHUNK = 1 << 16
+CHUNK = 1 << 15
 
 
 def verify_program(
@@ -180,6 +180,7 @@ def _case(
         precision=reader.precision,
         limits=limits_of(program, machine, reader.precision, by_joints, arm),
         tally=tally,
+        states_loads=reader.states_loads,
     )
 
 

@@ -83,6 +83,8 @@ class Reader(ABC):
     precision: ClassVar[Precision]
     #: Whether the language has its own words for the spindle (`Kind.SPINDLE`).
     native_spindle: ClassVar[bool] = False
+    #: Whether its programs state a tool's mass and centre of gravity.
+    states_loads: ClassVar[bool] = False
 
     @abstractmethod
     def read(self, files: Mapping[str, bytes]) -> Sequence[Run]:

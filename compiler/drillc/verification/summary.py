@@ -85,10 +85,17 @@ def _as_json(check: Check) -> dict[str, object]:
 
 def _row(check: Check) -> tuple[str, str, str, str, str]:
     failed = f"{check.failed:,} failed" if check.failed else ""
-    worst = "" if check.worst is None else f"{check.worst:.3g} {check.unit}".rstrip()
-    limit = "" if check.limit is None else f"{check.limit:.3g} {check.unit}".rstrip()
+    worst, limit = _figure(check.worst, check.unit), _figure(check.limit, check.unit)
     where = "" if check.hole is None else f"{check.hole} {check.file}:{check.line}"
     return check.name, f"{check.compared:,}", worst, limit, f"{where}  {failed}".strip()
+
+
+def _figure(value: float | None, unit: str) -> str:
+    """With digits enough for what a controller prints, and none for what is noise."""
+    if value is None:
+        return ""
+    text = f"{value:.6f}".rstrip("0").rstrip(".")
+    return f"{text} {unit}".rstrip()
 
 
 def _times(count: int) -> str:

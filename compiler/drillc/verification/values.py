@@ -83,6 +83,8 @@ def passed_on(first: Value, ends: Value, count: int) -> Value:
         return [passed_on(a, b, count) for a, b in zip(first, ends, strict=True)]
     if not isinstance(ends, np.ndarray) and same(first, ends):
         return first
+    if isinstance(first, list | dict) or isinstance(ends, list | dict):
+        raise NotUniform
     a, b = np.asarray(first), np.asarray(ends)
     if a.dtype.kind not in "bfiu" or b.dtype.kind not in "bfiu":
         raise NotUniform

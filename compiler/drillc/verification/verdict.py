@@ -37,6 +37,8 @@ CHECKS = {
     "signals": "",
     "quaternions": "",
 }
+#: Figures are told to so many decimals of mm, radians, seconds and shares.
+_TOLD_DECIMALS = 8
 #: So many failures of a check are named, the others are counted.
 MOST_NAMED = 10
 
@@ -158,11 +160,13 @@ class Tally:
         if not len(errors):
             return np.empty(0, dtype=np.intp)
         known = np.where(np.isnan(errors), np.inf, errors)
-        share = known / limits
+        # What is noise is told as zero, and of equals the first: the same on every processor.
+        told = np.round(known, _TOLD_DECIMALS)
+        share = told / limits
         worst = int(np.argmax(share))
         if share[worst] > count.share and np.isfinite(share[worst]):
             count.share = float(share[worst])
-            count.worst = float(known[worst])
+            count.worst = float(told[worst])
             count.limit = float(np.broadcast_to(limits, known.shape)[worst])
             count.hole, file, count.line = place(worst)
             count.file = self._file(file)

@@ -140,7 +140,8 @@ def _by_poses(case: Case, path: Path, legs: Legs, leg: int) -> None:
         events.pop(0)
         home += 1
     if first or end or (parts and home):
-        case.homes.append((home > 0, path, start))
+        here = np.array([min(start, len(path) - 1)])
+        case.homes.append((home > 0, path.take(here)))
     if end:
         _nothing_left(case, path, events, hole)
         return None
@@ -500,8 +501,7 @@ def _travel_speeds(case: Case, path: Path, event: Rows, hole: Rows) -> None:
 
 def check_homes(case: Case) -> None:
     """A program in poses whose parts go home does so before each part and after it."""
-    if any(home for home, _, _ in case.homes):
-        for home, path, event in case.homes:
+    if any(home for home, _ in case.homes):
+        for home, path in case.homes:
             if not home:
-                message = "the program goes home elsewhere, but not here"
-                case.fail("ways", message, path, min(event, len(path) - 1))
+                case.fail("ways", "the program goes home elsewhere, but not here", path, 0)

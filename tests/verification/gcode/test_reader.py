@@ -297,16 +297,18 @@ CUT = "the move before this one ends in a corner that G64 rounds off: G61 stops 
 @pytest.mark.parametrize(
     ("lines", "cut"),
     [
-        (["G64", "G0 Z0", "G1 Z5 F100", "G1 Z0"], [5]),
-        (["G64 P0.1", "G0 Z0", "G1 Z5 F100", "G1 Z0"], [5]),
+        (["G64", "G0 Z0", "G1 Z5 F100", "G1 Z0"], [4, 5]),
+        (["G64 P0.1", "G0 Z0", "G1 Z5 F100", "G1 Z0"], [4, 5]),
+        (["G64", "G0 Z0", "M64 P1", "G1 Z5 F100", "G1 Z0"], [6]),
         (["G64 P0.0005", "G0 Z0", "G1 Z5 F100", "G1 Z0"], []),
         (["G61", "G0 Z0", "G1 Z5 F100", "G1 Z0"], []),
-        (["G64", "G0 Z0", "G1 Z5 F100", "G4 P0", "G1 Z0"], []),
-        (["G64", "G0 Z0", "G1 Z5 F100", "M64 P1", "G1 Z0"], []),
-        (["G64", "G0 Z0", "G1 Z5 F100", "M66 P1 L3 Q1", "G1 Z0"], []),
-        (["G64", "G0 Z0", "G1 Z5 F100", "M62 P1", "G1 Z0"], [6]),
-        (["G64", "G0 Z0", "G1 Z5 F100", "G1 Z6", "G1 Z7 Y0.1"], []),
-        (["G64", "G0 Z0 Y0", "G1 Z5 F100", "G61", "G1 Y5", "G1 Y0"], [6]),
+        (["G61", "G0 Z0", "G64", "G1 Z5 F100", "G4 P0", "G1 Z0"], []),
+        (["G61", "G0 Z0", "G64", "G1 Z5 F100", "M64 P1", "G1 Z0"], []),
+        (["G61", "G0 Z0", "G64", "G1 Z5 F100", "M66 P1 L3 Q1", "G1 Z0"], []),
+        (["G61", "G0 Z0", "G64", "G1 Z5 F100", "M62 P1", "G1 Z0"], [7]),
+        (["G61", "G0 Z0 Y0", "G64", "G1 Z5 F100", "G1 Z6", "G1 Z7 Y0.01"], []),
+        (["G61", "G0 Z0", "G64", "G1 Z5 F100", "G1 Z7 Y0.01"], [6]),  # from where in Y?
+        (["G61", "G0 Z0 Y0", "G64", "G1 Z5 F100", "G61", "G1 Y5", "G1 Y0"], [7]),
     ],
 )
 def test_a_corner_that_is_cut(lines: list[str], cut: list[int]) -> None:
@@ -317,7 +319,9 @@ def test_a_corner_that_is_cut(lines: list[str], cut: list[int]) -> None:
 
 
 def test_without_a_word_linuxcnc_rounds_corners() -> None:
-    assert found(run("G21 G90\nG0 X0\nG0 X5\nG0 X0\nM2\n")) == [("process", 4, CUT)]
+    assert found(run("G21 G90\nG0 X0\nG0 X5\nG0 X0\nM2\n")) == [
+        ("process", line, CUT) for line in (3, 4)
+    ]
 
 
 def test_a_corner_in_every_lane_has_its_line() -> None:
@@ -523,4 +527,4 @@ def test_events_of_many_holes_come_in_parts() -> None:
     (program,) = GcodeReader().read(files)
     parts = [step for step in program.steps() if isinstance(step, Events) and len(step)]
     assert len(parts) >= 3
-    assert sorted(set(joined(parts).call_file.tolist())) == [1, 2, 3]
+    assert sorted(set(joined(parts).call_file.tolist())) == [0, 1, 2, 3]

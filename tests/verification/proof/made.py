@@ -170,7 +170,11 @@ class _Maker:
                 there = oracle._pose(program, row, -process.approach_mm)
                 self._body([oracle.Move(False, there)], row, BODY_LINE + row)
             self._hole(row, cycles[row])
-        if program.motion is None:
+        if program.motion is not None:  # nobody knows where the other axes are before they move
+            feed = program.motion.feed_axis
+            first = self.rows[0]["joints"]
+            self.rows[0]["joints"] = [q if k == feed else np.nan for k, q in enumerate(first)]
+        else:
             self._body([oracle.Move(False)], n - 1, BODY_LINE + n)
 
     def _arm(self, whole: list[oracle.Event], cycles: list[int]) -> None:
@@ -238,6 +242,8 @@ class _Maker:
                 row["kind"] = Kind.JOINTS if by_joints or event.joints else Kind.STRAIGHT
                 if event.joints is not None:
                     row["joints"] = [event.joints[axis] for axis in self.axes]
+                    if self.program.arm is not None:
+                        row["tool"] = 0
                     if event.pose is None and self.program.arm is None and event.speed:
                         row["speed_mm_s"] = event.speed
                 elif event.pose is not None:

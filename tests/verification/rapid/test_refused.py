@@ -284,21 +284,42 @@ def test_tool_and_work_object_that_have_changed_places() -> None:
     assert [frame.position_mm for frame in done(files).run.frames] == [None, None]
 
 
-def test_a_plunge_that_is_not_carried_through() -> None:
-    body = """
-    MoveL RelTool(p,0,0,-50),v100,z5,tool0;
-    MoveL RelTool(p,0,0,-2),v100,z5,tool0;
-    MoveL RelTool(p,0,0,10),v5,z1,tool0;
-    MoveL RelTool(p,0,0,-50),v100,z5,tool0;
-    MoveL RelTool(p,30,0,-50),v100,fine,tool0;
-    """
-    wanted = [("process", 7, "the move ends in z1, not fine, before the tool turns back")]
-    assert found(module(body, P)) == wanted
+TURNS = "the tool turns, or is faster or slower"
+
+
+@pytest.mark.parametrize(
+    ("zones", "wanted"),
+    [
+        ("fine fine fine fine", {}),
+        ("z5 fine fine fine", {4: TURNS}),  # a standoff, from where nobody knows
+        ("fine z5 fine fine", {5: TURNS}),  # straight on, but slower
+        ("fine fine z1 fine", {6: TURNS}),  # the bottom
+        ("fine fine fine z5", {7: "the program ends"}),
+    ],
+)
+def test_a_place_that_is_passed_by(zones: str, wanted: dict[int, str]) -> None:
+    a, b, c, d = zones.split()
+    body = f"""MoveL RelTool(p,0,0,-50),v100,{a},tool0;
+    MoveL RelTool(p,0,0,-2),v100,{b},tool0;
+    MoveL RelTool(p,0,0,10),v5,{c},tool0;
+    MoveL RelTool(p,0,0,-50),v100,{d},tool0;"""
+    zone = {4: a, 5: b, 6: c, 7: d}
+    assert found(module(body, P)) == [
+        ("process", line, f"the move ends in {zone[line]}, not fine, before {what}")
+        for line, what in wanted.items()
+    ]
+
+
+@pytest.mark.parametrize("end", ["EXIT", "Stop", "MoveJ p,v5,fine,tool0", "MoveL p,v5,z1,tool0"])
+def test_a_zone_before_the_end_or_another_move(end: str) -> None:
+    said = found(module(f"MoveL RelTool(p,0,0,9),v5,z10,tool0;\n{end};", P))
+    assert {(check, line) for check, line, _ in said} >= {("process", 4)}
 
 
 def test_zones_that_do_no_harm() -> None:
     body = f"""
-    MoveL RelTool(p,0,0,-50),v100,z5,tool0;
+    MoveL RelTool(p,0,0,-50),v100,fine,tool0;
+    MoveL RelTool(p,0,0,-20),v100,z5,tool0;
     {GO}
     SetDO dq,1;
     MoveL RelTool(p,0,0,-50),v100,z5,tool0;
@@ -313,7 +334,7 @@ def test_zones_that_do_no_harm() -> None:
 def test_zone_before_a_signal_in_a_stretch() -> None:
     data = "\n".join(P.replace(" p:", f" p{i}:") for i in range(10))
     calls = "\n".join(f"r p{i};" for i in range(10))
-    more = "PROC r(robtarget p)\nMoveL p,v100,z1,tool0;\nSet dq;\nENDPROC"
+    more = "PROC r(robtarget p)\nMoveL p,v100,z1,tool0;\nSet dq;\nMoveL p,v100,fine,tool0;\nENDPROC"
     wanted = [("process", 25, "the move ends in z1, not fine, before Set")]
     assert found(module(calls, data, more=more)) == wanted
 

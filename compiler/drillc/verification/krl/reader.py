@@ -33,6 +33,7 @@ class KrlReader(Reader):
     """Reads KRL of KSS 8, `.src` and `.dat`; files of other kinds are left alone."""
 
     name: ClassVar[str] = "krl"
+    states_loads: ClassVar[bool] = True
     # A speed in m/s has as many decimals as keep it within 1e-4 of itself.
     precision: ClassVar[Precision] = Precision(
         length_mm=0.0005,

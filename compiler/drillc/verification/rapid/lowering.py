@@ -30,6 +30,7 @@ from .binding import bound
 from .data import Head
 from .expressions import NotAlike, Scope
 from .modules import array_sizes, type_named
+from .motion import ending
 from .program import Program
 from .syntax import Bulk, Node, singly, subtrees
 from .types import BOOL, NUM, TOOLDATA, WOBJDATA, Type, Value, array_of, initial
@@ -133,7 +134,7 @@ class Lowering:
             case "return":
                 return self._return(place, at, tree)
             case "exit":
-                return [Do(at, lambda m: _end(m, self.program.findings))]
+                return [Do(at, lambda m: ending(m, self.program.findings))]
             case "empty":
                 return ()
         raise scope.error(tree, _REFUSED.get(tree.data, f"{tree.data} is not read"))
@@ -381,9 +382,3 @@ _REFUSED = {
     "connect": "interrupts (CONNECT) are not read",
     "handler": "error handlers are not read",
 }
-
-
-def _end(m: Machine, findings: list[Finding]) -> None:
-    """EXIT: at once, wherever the tool then is."""
-    standing(m, findings, "EXIT")
-    m.stop()

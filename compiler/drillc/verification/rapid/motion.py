@@ -38,8 +38,8 @@ _STRAIGHT_ON, _SAME_MM = 1e-9, 1e-6
 
 @dataclass(frozen=True)
 class _Move:
-    """What all moves have: how fast in mm/s, where external axes move alone too; whether to the very
-    end; and tool and base."""
+    """What all moves have: how fast the tool is in mm/s, and external axes where they move alone;
+    whether to the very end; and tool and base."""
 
     speed: Callable[[Machine], Value]
     external: Callable[[Machine], Value]
@@ -238,6 +238,12 @@ def standing(m: Machine, findings: list[Finding], what: str) -> None:
     passed = m.state["passed"]
     if passed:
         _find(findings, passed, what)
+
+
+def ending(m: Machine, findings: list[Finding]) -> None:
+    """EXIT: at once, wherever the tool then is."""
+    standing(m, findings, "EXIT")
+    m.stop()
 
 
 def _find(findings: list[Finding], passed: Value, what: str) -> None:

@@ -71,6 +71,7 @@ def _is_position(program: Program, word: str, module: Module) -> bool:
 
 class RapidReader(Reader):
     name: ClassVar[str] = "rapid"
+    states_loads: ClassVar[bool] = True
     #: 3 decimals of mm, mm/s and analog values, 8 of a quaternion, 5 of an axis in degrees.
     precision: ClassVar[Precision] = Precision(
         length_mm=0.5e-3,
