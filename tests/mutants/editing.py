@@ -7,23 +7,29 @@ where the files have no such place. Comments are never touched.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from random import Random
 
 Lines = dict[str, list[str]]
 
+#: So many lines above and below a fault are kept, to judge it by.
+_AROUND = 40
+
 
 @dataclass(frozen=True)
 class Mutant:
-    """Files with one fault: what kind, where, and how the line read before and after."""
+    """Files with one fault: what kind, where, how the line read before and after, and what stands
+    above and below it."""
 
     kind: str
     files: Mapping[str, bytes]
     place: str
     before: str
     after: str
+    above: str
+    below: str
 
     def __str__(self) -> str:
         return f"{self.kind} at {self.place}: {self.before!r} -> {self.after!r}"
@@ -81,7 +87,13 @@ def mutate(
     raw = {path: "\n".join(lines).encode() for path, lines in edit.lines.items()}
     before = split[edit.path][edit.index] if edit.index < len(split[edit.path]) else ""
     place = f"{edit.path}:{edit.index + 1}"
-    return Mutant(kind, {**files, **raw}, place, before.strip(), edit.after.strip())
+    above, below = split[edit.path][: edit.index], split[edit.path][edit.index + 1 :]
+    around = (_block(part) for part in (above[-_AROUND:], below[:_AROUND]))
+    return Mutant(kind, {**files, **raw}, place, before.strip(), edit.after.strip(), *around)
+
+
+def _block(lines: Sequence[str]) -> str:
+    return "\n".join(line.strip() for line in lines)
 
 
 # ── makers of faults ─────────────────────────────────────────────────────────────────────────────

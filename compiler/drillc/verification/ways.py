@@ -271,7 +271,7 @@ def _from_home(case: Case, path: Path, events: list[int], due: list[int]) -> lis
         begins = path.events.kind[events[0]] == Kind.HOME
         return events[1:] if begins else events
     joints = path.places.joints[events[0]]
-    at_home = np.abs(joints - home).max() <= 2.0 * case.precision.joint_rad + 1e-8
+    at_home = np.abs(joints - home).max() <= case.precision.joint_rad + NOISE_RAD
     if not at_home:
         case.fail("ways", "the program does not begin by going home", path, events[0])
         return events
