@@ -93,7 +93,7 @@ def mutate(
 
 
 def _block(lines: Sequence[str]) -> str:
-    return "\n".join(line.strip() for line in lines)
+    return "".join(f"{line.strip()}\n" for line in lines)
 
 
 # ── makers of faults ─────────────────────────────────────────────────────────────────────────────

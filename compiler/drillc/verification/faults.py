@@ -13,9 +13,10 @@ from .events import Alternative, Events, Floats, Ints, Kind
 from .expected import MOVE, SAME_SPEED, Item, codes_of
 from .frames import check_frames
 from .places import Places
+from .travels import travel_speeds_fit
 from .verdict import Rows
 from .visits import Path
-from .ways import clear_reach_mm, travel_speeds_fit
+from .withdrawals import clear_reach_mm
 
 _LINE = 1 << 32
 #: A wait stands at the depth that a fault asks for if it is within this: rounding.

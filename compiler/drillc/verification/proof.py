@@ -25,9 +25,10 @@ from .places import machine_of
 from .postures import check_configuration
 from .reading import Reader, ReadError, Run
 from .steps import check_steps
+from .travels import Legs
 from .verdict import Tally, Verdict
 from .visits import Path, Visits, cores_of, items_of, visits_of
-from .ways import Legs, check_homes, check_ways
+from .ways import check_homes, check_ways
 
 #: So many events of the main run are looked at together.
 CHUNK = 1 << 15

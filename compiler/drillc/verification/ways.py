@@ -6,48 +6,18 @@ other joints only where the feed is withdrawn as far as the plan says.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 
 from drillc.kernels.rotations import angle_between
-from drillc.language.source import Span
 
-from .case import (
-    CHORD_MM,
-    NOISE_MM,
-    NOISE_RAD,
-    NOISE_SHARE,
-    TRAVEL_CHORD_MM,
-    Case,
-    half_digit,
-)
+from .case import CHORD_MM, NOISE_MM, NOISE_RAD, TRAVEL_CHORD_MM, Case
 from .events import Floats, Kind
 from .expected import SAME_MM
 from .steps import described
+from .travels import Legs, check_travel_speeds
 from .verdict import Rows
 from .visits import Bools, Path
-
-#: An arm's step on a straight way lasts at least so long, and its time is printed so exactly.
-LEAST_STEP_S, STEP_TIME_S = 1e-3, 0.5e-6
-#: Joints that are printed alike may differ by what doubles make of them, in degrees or mm.
-_SAME_JOINT = 1e-7
-
-
-@dataclass(frozen=True, eq=False)
-class Legs:
-    """What is between m cores, and after the last: leg i is the events `start[i]` … `stop[i]`, of
-    which the last is the arrival at the core of visit i (at the end there is none). `hole` (m,) is
-    that visit's, n at the end. Event `start[i] - 1` is where the tool was before, if `known`."""
-
-    start: Rows
-    stop: Rows
-    hole: Rows
-    known: bool
-
-    def __len__(self) -> int:
-        return len(self.start)
+from .withdrawals import check_withdrawals
 
 
 def check_ways(case: Case, path: Path, legs: Legs, questions: Rows) -> None:
@@ -57,7 +27,7 @@ def check_ways(case: Case, path: Path, legs: Legs, questions: Rows) -> None:
         return
     case.tally.compared("ways", len(legs))
     if case.program.motion is not None:
-        _portal(case, path, legs, questions)
+        check_withdrawals(case, path, legs, questions)
         return
     plain = _plain(case, path, legs)
     for leg in np.flatnonzero(~plain).tolist():
@@ -97,7 +67,7 @@ def _plain(case: Case, path: Path, legs: Legs) -> np.ndarray[tuple[int], np.dtyp
     end = path.places.position_mm[legs.stop[leg] - 1]
     _, fits = _on_line(case, path, event, begin, end, legs.hole[leg])
     good = fits & (path.events.kind[event] == Kind.STRAIGHT) & np.isfinite(path.speed_mm_s[event])
-    _travel_speeds(case, path, event, legs.hole[leg])
+    check_travel_speeds(case, path, event, legs.hole[leg])
     plain[np.unique(leg[~good])] = False
     return np.asarray(plain)
 
@@ -148,7 +118,7 @@ def _by_poses(case: Case, path: Path, legs: Legs, leg: int) -> None:
     if not events:
         return None
     arrival = events.pop()
-    _travel_speeds(case, path, np.array(events, dtype=np.intp), np.full(len(events), hole))
+    check_travel_speeds(case, path, np.array(events, dtype=np.intp), np.full(len(events), hole))
     if events and begins and kind[events[-1]] == Kind.JOINTS:
         there = float(np.linalg.norm(place[events[-1]] - place[arrival]))
         turned = angle_between(path.places.rotation[events[-1]], path.places.rotation[arrival])
@@ -251,7 +221,7 @@ def _by_vias(case: Case, path: Path, legs: Legs, leg: int) -> None:
         if not by_joints:
             _on_way(case, path, events[: where + 1], at, target, hole)
         rows = np.array(events[: where + 1])
-        _travel_speeds(case, path, rows, np.full(where + 1, min(hole, n - 1)))
+        check_travel_speeds(case, path, rows, np.full(where + 1, min(hole, n - 1)))
         at = events[where]
         events = events[where + 1 :]
     if hole == n:
@@ -275,7 +245,7 @@ def _from_home(case: Case, path: Path, events: list[int], due: list[int]) -> lis
     if not at_home:
         case.fail("ways", "the program does not begin by going home", path, events[0])
         return events
-    _travel_speeds(case, path, np.array(events[:1]), np.array([0]))
+    check_travel_speeds(case, path, np.array(events[:1]), np.array([0]))
     leads = due and bool(np.abs(vias.joints[due[0]] - home).max() <= 1e-9)
     return events if leads else events[1:]
 
@@ -327,176 +297,6 @@ def _on_way(case: Case, path: Path, events: list[int], before: int, end: Floats,
             None if hole == n else hole,
             alike=len(bad) - 1,
         )
-
-
-# ── a portal ─────────────────────────────────────────────────────────────────────────────────────
-
-
-def clear_reach_mm(case: Case) -> float:
-    """Where the feed's joint, counted into the part, is clear of every hole: as far out as any
-    withdrawal, and as any hole is left."""
-    motion = case.program.motion
-    assert motion is not None
-    feed = motion.joints[:, motion.feed_axis]
-    ends = motion.feed_sign * feed + case.wanted.exit_mm
-    out = motion.feed_sign * motion.withdraw_mm
-    return float(min(out.min(initial=np.inf), ends.min(initial=np.inf)))
-
-
-def _portal(case: Case, path: Path, legs: Legs, questions: Rows) -> None:
-    """Other joints move only while the feed is withdrawn as planned; the feed alone moves only
-    where it is out of the hole, which the cores see to, and to no other place."""
-    motion = case.program.motion
-    assert motion is not None
-    n = len(case.wanted)
-    sizes = legs.stop - legs.start
-    event = np.concatenate([np.arange(a, b) for a, b in zip(legs.start, legs.stop, strict=True)])
-    leg = np.repeat(np.arange(len(legs)), sizes)
-    keep = path.moves[event]
-    event, leg = event[keep], leg[keep]
-    hole = legs.hole[leg]
-    joints = path.places.joints
-    home = path.events.kind[event] == Kind.HOME
-    others = np.arange(joints.shape[1]) != motion.feed_axis
-    before = np.maximum(path.before[event], 0)
-    fresh = path.before[event] < 0
-    at, was = joints[event], np.where(fresh[:, None], np.nan, joints[before])
-    alone = ~home & ~np.isfinite(at[:, others]).any(axis=1)
-    moved = ~home & ~alone & ~(np.abs(at - was)[:, others] <= _SAME_JOINT).all(axis=1)
-    last = np.minimum(hole, n - 1)
-    planned = motion.joints[last][:, others]
-    there = (np.abs(at[:, others] - planned) <= half_digit(case)[others] + NOISE_RAD).all(axis=1)
-    astray = moved & ~((hole < n) & there)
-    _tell(
-        case,
-        path,
-        event[astray],
-        hole[astray],
-        lambda name: f"on the way to {name} joints go where they are not planned to",
-    )
-
-    slack = case.precision.joint_mm + NOISE_MM
-    withdraw = np.append(motion.feed_sign * motion.withdraw_mm, np.nan)[hole]
-    clear = np.where(_between_parts(case, path, legs)[leg], clear_reach_mm(case), np.nan)
-    reach, from_mm = (motion.feed_sign * q[:, motion.feed_axis] for q in (at, was))
-
-    def out(where: Floats) -> Bools:
-        return (np.abs(where - withdraw) <= slack) | (np.abs(where - clear) <= slack)
-
-    # Nobody knows where the feed is before it first moves: then the program has to ask.
-    unknown = np.isnan(from_mm) & (home | (moved & np.isnan(reach)))
-    asked = _asked(path, event, questions)
-    free = np.where(home, from_mm <= clear + slack, out(reach) & out(from_mm))
-    bad = (home | moved) & ~free & ~(unknown & asked)
-    axis = motion.axes[motion.feed_axis].name
-    for k in np.flatnonzero(bad).tolist():
-        places = [place for place in (from_mm[k], reach[k]) if not np.isnan(place)]
-        where = f"at {motion.feed_sign * max(places):.3f} mm" if places else "anywhere"
-        first = withdraw[k] if np.isfinite(withdraw[k]) else clear_reach_mm(case)
-        _tell(
-            case,
-            path,
-            event[[k]],
-            hole[[k]],
-            lambda name, where=where, first=first: (
-                f"on the way to {name} other joints move while"
-                f" {axis} is {where}; it is to withdraw to {motion.feed_sign * first:.3f} mm first"
-            ),
-        )
-    arrives = (event == legs.stop[leg] - 1) & (hole < n)
-    stays = np.abs(reach - from_mm) <= _SAME_JOINT
-    odd = ~bad & ~arrives & ~home & ~np.isnan(reach) & ~stays & ~out(reach)
-    for k in np.flatnonzero(odd).tolist():
-        first = withdraw[k] if np.isfinite(withdraw[k]) else clear_reach_mm(case)
-        _tell(
-            case,
-            path,
-            event[[k]],
-            hole[[k]],
-            lambda name, k=k, first=first: (
-                f"on the way to {name} {axis} goes to"
-                f" {motion.feed_sign * reach[k]:.3f} mm; it is to withdraw to"
-                f" {motion.feed_sign * first:.3f} mm"
-            ),
-        )
-    # Where several joints move, only what the program states itself is a speed of the tool.
-    told = ~home & (~moved | np.isfinite(path.events.speed_mm_s[event]))
-    _travel_speeds(case, path, event[told], last[told])
-
-
-def _tell(case: Case, path: Path, event: Rows, hole: Rows, say: Callable[[str], str]) -> None:
-    """A failure of `ways` at each event; `say` is told what it is on the way to."""
-    n = len(case.wanted)
-    for at, row in zip(event.tolist(), hole.tolist(), strict=True):
-        name = "the end" if row == n else case.hole(row)
-        case.fail("ways", say(name), path, at, None if row == n else row)
-
-
-def _between_parts(case: Case, path: Path, legs: Legs) -> Bools:
-    """Which legs begin or end a program, or lead from one of its files to the next: there it may
-    withdraw as far as for any hole."""
-    file = path.events.call_file
-    if not len(file):
-        return np.zeros(len(legs), dtype=np.bool_)
-    first = file[np.clip(legs.start - 1, 0, len(file) - 1)]
-    last = file[np.clip(legs.stop - 1, 0, len(file) - 1)]
-    begins = (np.arange(len(legs)) == 0) & (not legs.known)
-    return np.asarray(begins | (first != last) | (legs.hole == len(case.wanted)))
-
-
-def _asked(path: Path, event: Rows, questions: Rows) -> Bools:
-    """Before which events the program has asked where the machine stands, since it was last at a
-    home that it does not know."""
-    moves = np.cumsum(path.moves)
-    home = np.where(path.events.kind == Kind.HOME, moves, 0)
-    before = np.maximum(event - 1, 0)
-    so_far = np.where(event > 0, moves[before], 0)
-    since = np.where(event > 0, np.maximum.accumulate(home)[before], 0)
-    asked = np.sort(questions)
-    latest = np.searchsorted(asked, so_far, side="right") - 1
-    found = np.append(asked, -1)[latest]  # of none before: the last, -1
-    return np.asarray((latest >= 0) & (found >= since))
-
-
-def travel_speeds_fit(case: Case, found_mm_s: Floats) -> Bools:
-    """Which speeds are those at which some process of the program travels; NaN is not stated."""
-    asked = np.array([cycle.process.travel_mm_s for cycle in case.program.cycles])
-    fits = np.abs(found_mm_s[:, None] / asked - 1.0) <= case.limits.speeds(asked)
-    return np.asarray(fits.any(axis=1) | np.isnan(found_mm_s))
-
-
-def _travel_speeds(case: Case, path: Path, event: Rows, hole: Rows) -> None:
-    """On straight ways the tool is as fast as some process of the program travels; an arm that goes
-    by its joints is slower where they are no faster. Speeds that are not stated are not judged."""
-    found = path.speed_mm_s[event]
-    asked = np.array([cycle.process.travel_mm_s for cycle in case.program.cycles])
-    before = np.maximum(path.before[event], 0)
-    way = np.linalg.norm(path.places.position_mm[event] - path.places.position_mm[before], axis=1)
-    told = np.isfinite(found) & ~((way < SAME_MM) & (path.before[event] >= 0))
-    event, hole, found, way, before = (x[told] for x in (event, hole, found, way, before))
-    if not len(event):
-        return
-    ideal = np.repeat(asked[None], len(event), axis=0)
-    if case.arm_by_joints:
-        turned = np.abs(path.places.joints[event] - path.places.joints[before])
-        seconds = np.maximum((turned / case.program.arm.arm.speeds).max(axis=1), LEAST_STEP_S)  # type: ignore[union-attr]
-        ideal = np.minimum(ideal, (way / seconds)[:, None])
-    apart = np.abs(found[:, None] / ideal - 1.0)
-    least = apart.argmin(axis=1)
-    rows = np.arange(len(event))
-    limit = case.limits.speeds(asked)[least] + path.speed_slack[event]
-    if case.arm_by_joints:
-        limit = path.speed_slack[event] + STEP_TIME_S * found / way + NOISE_SHARE
-
-    def say(k: int) -> tuple[str, Span | None]:
-        process = case.wanted.process(int(hole[k]))
-        return (
-            f"the way to or from {case.hole(int(hole[k]))} is made with {found[k]:g} mm/s, the spec"
-            f" asks for {process.travel_mm_s:g} mm/s",
-            process.span,
-        )
-
-    case.figures("speed", apart[rows, least], limit, path, event, hole, say)
 
 
 def check_homes(case: Case) -> None:

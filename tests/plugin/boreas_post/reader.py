@@ -23,9 +23,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,15}")
 
 class BoreasReader(Reader):
     name = "boreas"
-    precision = Precision(
-        0.0005, 1e-9, 5e-5, np.radians(5e-6), speed_mm_s=0.5e-6, analog=0.5e-5
-    )
+    precision = Precision(0.0005, 1e-9, 5e-5, np.radians(5e-6), speed_mm_s=0.5e-6, analog=0.5e-5)
 
     def read(self, files: Mapping[str, bytes]) -> Sequence[Run]:
         texts = {p: _Text(raw) for p, raw in files.items() if p.endswith(".bor")}
