@@ -100,6 +100,7 @@ def expected(program: Program, axes: dict[str, str]) -> Iterator[dict[str, objec
         place.update(letters)
         return {"kind": kind, "place": dict(place), "feed": feed_rate}
 
+    out: list[float] = []  # how far out each hole asks the feed axis to be, before and after
     for section in program.sections:
         cycle = program.cycles[section.cycle]
         for row in range(section.start, section.stop):
@@ -114,6 +115,7 @@ def expected(program: Program, axes: dict[str, str]) -> Iterator[dict[str, objec
             yield move("traverse", None, **values)
             start = at_hole - motion.feed_sign * cycle.process.approach_mm
             yield move("traverse", None, **{feed: start})
+            to = start
             for step in cycle.steps:
                 if isinstance(step, MoveTo):
                     strokes = [(step.depth_mm, step.speed_mm_s)]
@@ -126,6 +128,10 @@ def expected(program: Program, axes: dict[str, str]) -> Iterator[dict[str, objec
                     yield move("feed", speed * 60.0, **{feed: to})
                 if isinstance(step, Dwell):
                     yield {"kind": "dwell", "seconds": step.seconds}
+            out += [float(motion.withdraw_mm[row]), to]
+    if out:
+        clear = min(out) if motion.feed_sign > 0 else max(out)
+        yield move("traverse", None, **{feed: clear})
 
 
 def assert_does(moves: tuple[Move, ...], program: Program, axes: dict[str, str]) -> None:
@@ -275,6 +281,9 @@ o<drill6> call [2611.4000] [12.0000]
 G0 Z2211.2000
 G0 X5653.2000 Y268.8000 A108.75000 U57.5500 V4946.2000
 o<drill6> call [2612.2000] [12.2500]
+
+(out of reach of every hole)
+G0 Z2211.2000
 
 M2
 """
