@@ -112,6 +112,8 @@ def test_linuxcnc_puts_every_hole_where_the_joints_are(case: PortalCase) -> None
     places: dict[str, list[dict[str, float]]] = {}
     hole = ""
     for move in judged.moves:
+        if "out of reach of every hole" in move.comments:
+            break  # the tool withdraws at the end
         for comment in move.comments:
             found = re.fullmatch(r"hole (\S+)", comment.strip())
             hole = found[1] if found else hole
