@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from drillc.verification.events import Alternative, Events, Kind, in_chunks, joined
+from drillc.verification.events import Alternative, Events, Kind, joined
 from drillc.verification.machine import UNDECIDED, Machine
 from drillc.verification.reading import ReadError
 from drillc.verification.statements import (
@@ -205,14 +205,3 @@ def test_what_never_ends_is_refused() -> None:
     object.__setattr__(endless, "body", (again,))
     with pytest.raises(ReadError, match="call one another without an end"):
         run(again)
-
-
-def test_chunks_keep_the_order_and_lose_nothing() -> None:
-    depths = [4.0, 8.0, 1.0] * 7
-    body = one_by_one(depths, pecking())
-    steps = list(machine().run(Routine("main", body, steps=True)))
-    for size in (1, 5, 1000):
-        chunks = list(in_chunks(steps, size))
-        events = [step for step in chunks if isinstance(step, Events)]
-        assert rows(joined(events)) == list(by_hand(depths))
-        assert len([step for step in chunks if isinstance(step, Alternative)]) == len(depths)

@@ -6,7 +6,7 @@ lengths in mm and angles in degrees only where they are joints; nothing here kno
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
 
@@ -149,25 +149,3 @@ class Alternative:
 
 
 Step = Events | Alternative
-
-
-def in_chunks(steps: Iterable[Step], size: int = 1 << 16) -> Iterable[Step]:
-    """The same stream with small parts of the main run put together to at least `size` events;
-    an alternative comes after the events that it departs from."""
-    waiting: list[Events] = []
-    held: list[Alternative] = []
-    count = 0
-    for step in steps:
-        if isinstance(step, Alternative):
-            held.append(step)
-            continue
-        if len(step):
-            waiting.append(step)
-            count += len(step)
-        if count >= size:
-            yield joined(waiting)
-            yield from held
-            waiting, held, count = [], [], 0
-    if waiting:
-        yield joined(waiting)
-    yield from held

@@ -147,12 +147,6 @@ def made_of_run(
     )
 
 
-def _called_at(events: Events, rows: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """File and line of the program's body that led to each of some events."""
-    files, lines = events.call_file[rows].tolist(), events.call_line[rows].tolist()
-    return list(zip(files, lines, strict=True))
-
-
 def _path(events: Events, machine: Machine | None, run: Run, words: Words | None) -> Path:
     role = events.signal
     if words is not None:

@@ -40,6 +40,7 @@ class GcodeReader(Reader):
     """Programs are the `.ngc` files that are not a routine's own file."""
 
     name: ClassVar[str] = "gcode"
+    native_spindle: ClassVar[bool] = True
     # Lengths are printed with four decimals, angles and shares with five, feeds (a minute) with
     # three.
     precision: ClassVar[Precision] = Precision(
