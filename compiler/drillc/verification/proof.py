@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
-from typing import TypeGuard
 
 import numpy as np
 
@@ -48,10 +46,8 @@ def verify_program(
     tally = Tally(run.files)
     name = emit.post.text
     try:
-        steps = iter(run.steps())
-        head = list(_first(steps, chunk))
-        proof = _Proof(_case(run, reader, job, program, renamed, emit, tally, head), chunk)
-        for step in chain(head, steps):
+        proof = _Proof(_case(run, reader, job, program, renamed, emit, tally), chunk)
+        for step in run.steps():
             proof.take(step)
         proof.finish()
         tally.compared("reads", 1)
@@ -140,20 +136,6 @@ def _verify_post(
         yield tally.verdict(run.name, emit.post.text, 0)
 
 
-def _first(steps: Iterator[Step], count: int) -> Iterator[Step]:
-    """Steps with the first `count` events: enough to see how the language speaks."""
-    seen = 0
-    for step in steps:
-        yield step
-        seen += len(step) if _is_main(step) else 0
-        if seen >= count:
-            return
-
-
-def _is_main(step: Step) -> TypeGuard[Events]:
-    return isinstance(step, Events)
-
-
 def _case(
     run: Run,
     reader: Reader,
@@ -162,10 +144,8 @@ def _case(
     renamed: Mapping[str, str],
     emit: Emit,
     tally: Tally,
-    head: Sequence[Step],
 ) -> Case:
-    native = any(bool((step.kind == Kind.SPINDLE).any()) for step in head if _is_main(step))
-    words = words_of(program, reader, renamed, native)
+    words = words_of(program, reader, renamed, reader.native_spindle)
     machine = machine_of(job, program, emit, run.axes)
     robot = job.robot
     arm = arm_by_joints(program, run)
