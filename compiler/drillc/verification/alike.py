@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,22 @@ LEAST = 8
 #: A stretch may repeat so many lines at a time.
 MOST_LINES = 4
 _SLOT = re.compile("[\x01\x02]")
-#: A shape that has come so often is looked for before a line is taken apart.
-_OFTEN = 4
 #: Slots next to what could be part of a number or name: the shape does not tell where they end.
 _TOUCHED = re.compile("[\x01\x02][\\w.\x01\x02]")
 
+#: A line with slots in the places of numbers and names, and what stands there.
 Shape = tuple[str, Sequence[str]]
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """What shape lines have. `apart` takes a line apart; names become slots only if `names` holds
+    them, in upper case. A minus sign is part of a number behind one of `before_sign`, or anywhere
+    (None); elsewhere it is that of a difference."""
+
+    apart: Callable[[str], Shape]
+    names: Collection[str]
+    before_sign: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +64,9 @@ class Stretch:
         return np.fromiter(map(float, column), dtype=np.float64, count=len(column))
 
 
-def shapes_by(token: re.Pattern[str], names: Collection[str]) -> Callable[[str], Shape]:
-    """A function from a line to its shape, and what its slots hold.
-
-    `token` has the groups `number` and `name`; whatever else it matches (texts, say) stays. A name
-    becomes a slot only if it is in `names`, which hold upper case.
-    """
+def shapes_by(token: re.Pattern[str], names: Collection[str]) -> Shapes:
+    """The shapes of a language whose `token` has the groups `number` and `name`; whatever else it
+    matches (texts, say) stays."""
 
     def taken_apart(line: str) -> Shape:
         held: list[str] = []
@@ -75,61 +83,12 @@ def shapes_by(token: re.Pattern[str], names: Collection[str]) -> Callable[[str],
 
         return token.sub(slot, line), held
 
-    times: dict[str, int] = {}
-    often: list[_Often] = []
-
-    def shape(line: str) -> Shape:
-        for place, known in enumerate(often):
-            match = known.pattern.fullmatch(line)
-            if match is None:
-                continue
-            held = match.groups()
-            if all(held[k].upper() in names for k in known.name_slots):
-                if place:
-                    often.insert(0, often.pop(place))
-                return known.shape, held
-        shown, slots = taken_apart(line)
-        times[shown] = times.get(shown, 0) + 1
-        if times[shown] == _OFTEN and slots and not _TOUCHED.search(shown):
-            often.insert(0, _often(shown))
-            del often[MOST_LINES:]
-        return shown, slots
-
-    return shape
+    return Shapes(taken_apart, names)
 
 
-@dataclass(frozen=True, eq=False)
-class _Often:
-    """A shape as a pattern with a group for each slot."""
-
-    shape: str
-    pattern: re.Pattern[str]
-    name_slots: tuple[int, ...]
-
-
-def _often(shape: str) -> _Often:
-    slots = _SLOT.findall(shape)
-    groups = {NUMBER_SLOT: r"(-?\d+(?:\.\d+)?)", NAME_SLOT: r"([A-Za-z_]\w*)"}
-    parts = re.split("([\x01\x02])", shape)
-    pattern = "".join(groups.get(part) or re.escape(part) for part in parts)
-    name_slots = tuple(k for k, slot in enumerate(slots) if slot == NAME_SLOT)
-    return _Often(shape, re.compile(pattern), name_slots)
-
-
-def stretches(lines: Sequence[str], shape: Callable[[str], Shape]) -> list[Stretch]:
+def stretches(lines: Sequence[str], shapes: Shapes) -> list[Stretch]:
     """All stretches, in order. Control characters in a line keep it out of all stretches."""
-    known: dict[str, int] = {}
-    held: list[Sequence[str]] = []
-    ids = np.empty(len(lines), dtype=np.int64)
-    for i, line in enumerate(lines):
-        if NUMBER_SLOT in line or NAME_SLOT in line:
-            ids[i] = -1 - i
-            held.append(())
-            continue
-        shown, slots = shape(line)
-        ids[i] = known.setdefault(shown, len(known))
-        held.append(slots)
-    texts = list(known)
+    texts, ids, held = _apart(lines, shapes)
     alike = [_alike_from(ids, period).tolist() for period in range(1, MOST_LINES + 1)]
     found, i = [], 0
     while i < len(lines):
@@ -153,6 +112,97 @@ def stretches(lines: Sequence[str], shape: Callable[[str], Shape]) -> list[Stret
         found.append(Stretch(i + 1, count, text, tuple(zip(*rows, strict=True))))
         i += count * best
     return found
+
+
+def _apart(
+    lines: Sequence[str], shapes: Shapes
+) -> tuple[list[str], NDArray[np.int64], list[Sequence[str]]]:
+    """All lines taken apart: the shapes that there are, which of them each line has (below 0: one
+    of its own), and what its slots hold."""
+    known: dict[str, int] = {}
+    ids: list[int] = []
+    held: list[Sequence[str]] = []
+    text = "\n".join(lines) + "\n"
+    blocks: dict[tuple[str, ...], re.Pattern[str] | None] = {}
+    shown: list[str] = []  # the shapes of the last lines
+    start = 0
+    while len(ids) < len(lines):
+        line = lines[len(ids)]
+        start += len(line) + 1
+        if NUMBER_SLOT in line or NAME_SLOT in line:
+            ids.append(-1 - len(ids))
+            held.append(())
+            shown.clear()
+            continue
+        shape, slots = shapes.apart(line)
+        ids.append(known.setdefault(shape, len(known)))
+        held.append(slots)
+        shown = [*shown[1 - 2 * MOST_LINES :], shape]
+        for period in range(1, MOST_LINES + 1):
+            block = tuple(shown[-period:])
+            if len(shown) < 2 * period or block != tuple(shown[-2 * period : -period]):
+                continue
+            if block not in blocks:
+                blocks[block] = _block(block, shapes)
+            if (pattern := blocks[block]) is not None:
+                start = _in_bulk(block, pattern, text, start, shapes, ids, held)
+                break
+    return list(known), np.array(ids, dtype=np.int64), held
+
+
+def _in_bulk(
+    block: Sequence[str],
+    pattern: re.Pattern[str],
+    text: str,
+    start: int,
+    shapes: Shapes,
+    ids: list[int],
+    held: list[Sequence[str]],
+) -> int:
+    """Take apart all lines of `text` from `start` on that repeat a block of shapes, whose ids are
+    the last ones. Returns where they end."""
+    slots = [_SLOT.findall(shape) for shape in block]
+    matches, rows = [], []
+    for match in pattern.finditer(text, start):
+        if match.lastindex is None:
+            break
+        matches.append(match)
+        rows.append(match.groups())
+    count = len(rows)
+    for column, slot in enumerate(chain(*slots)):
+        if slot == NAME_SLOT:
+            known = [row[column].upper() in shapes.names for row in rows[:count]]
+            count = count if all(known) else known.index(False)
+    del rows[count:]
+    ids += ids[-len(block) :] * count
+    if len(block) == 1:
+        held += rows
+    else:
+        ends = list(accumulate(map(len, slots)))
+        parts = [slice(end - len(own), end) for end, own in zip(ends, slots, strict=True)]
+        held += [row[part] for row in rows for part in parts]
+    return matches[count - 1].end() if count else start
+
+
+def _block(block: Sequence[str], shapes: Shapes) -> re.Pattern[str] | None:
+    """Matches lines that have the shapes of a block, with a group for each slot, and else any one
+    character without a group. None if the shapes do not tell all."""
+    if not any(map(_SLOT.search, block)) or any(map(_TOUCHED.search, block)):
+        return None
+    made = ""
+    for shape in block:
+        before = ""
+        for piece in re.split("([\x01\x02])", shape):
+            if piece == NUMBER_SLOT:
+                signed = shapes.before_sign is None or (before and before in shapes.before_sign)
+                made += rf"({'-?' if signed else ''}\d++(?:\.\d++)?+)"
+            elif piece == NAME_SLOT:
+                made += r"([A-Za-z_]\w*+)"
+            else:
+                made += re.escape(piece)
+            before = piece[-1:]
+        made += "\n"
+    return re.compile(f"{made}|.", re.DOTALL)
 
 
 def without(lines: Sequence[str], found: Sequence[Stretch], mark: Callable[[int], str]) -> str:

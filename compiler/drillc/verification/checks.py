@@ -9,8 +9,9 @@ import numpy as np
 from .case import Case
 from .events import Floats, Kind
 from .matching import NEAR_DEEP_MM, Marks, near
+from .vectors import angle, aside, dot
 from .verdict import Rows
-from .visits import Cores, Items, Path, Visits
+from .visits import Cores, Items, Path, Visits, spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +44,12 @@ def depths_of(case: Case, path: Path, visits: Visits, hole: Rows) -> Floats:
     feed[off] = axis[off]
     counts = visits.stop - visits.start
     depth = np.full(len(path), np.nan)
-    inside = np.zeros(len(path), dtype=np.bool_)
-    edges = np.zeros(len(path) + 1, dtype=np.int64)
-    edges[visits.start] += 1
-    edges[visits.stop] -= 1
-    inside = np.cumsum(edges[:-1]) > 0
-    which = np.repeat(np.arange(len(visits)), counts)
-    there = place.position_mm[inside] - origin[which]
-    depth[inside] = np.einsum("ij,ij->i", there, feed[which])
+    inside = spread(visits.start, counts)
     # Between moves the tool stays where it is; each visit begins with a move.
-    last = np.maximum.accumulate(np.where(path.moves, np.arange(len(path)), 0))
-    return np.where(inside, depth[last], np.nan)
+    last = np.maximum.accumulate(np.where(path.moves, np.arange(len(path)), 0))[inside]
+    there = place.position_mm[last] - np.repeat(origin, counts, axis=0)
+    depth[inside] = dot(there, np.repeat(feed, counts, axis=0))
+    return depth
 
 
 def check_places(case: Case, path: Path, made: Made) -> None:
@@ -64,25 +60,26 @@ def check_places(case: Case, path: Path, made: Made) -> None:
     at, hole = events[moves], made.hole[visit[moves]]
     first = made.cores.first[visit[moves]]
     wanted, program = case.wanted, case.program
-    axis, across = path.places.rotation[at, :, 2], path.places.rotation[at, :, 0]
+    axis, across = path.places.axis[at], path.places.rotation[at, :, 0]
     there = path.places.position_mm[at]
+    place, feed = wanted.position_mm[hole], wanted.axis[hole]
 
     ids = case.hole
 
     def away_mm(k: int) -> float:
         """How far the hole as a whole is from its place."""
-        depth = made.depth_mm[at[k]] * wanted.axis[hole[k]]
-        return float(np.linalg.norm(there[k] - wanted.position_mm[hole[k]] - depth))
+        depth = made.depth_mm[at[k]] * feed[k]
+        return float(np.linalg.norm(there[k] - place[k] - depth))
 
     # The line through the tool's point along the tool's own axis, seen from the hole.
-    aside = _aside(wanted.position_mm[hole] - there, axis)
+    off = aside(place - there, axis)
     # One that is far from it along the axis too has its depths from its own bottom.
-    along = np.einsum("ij,ij->i", there - wanted.position_mm[hole], wanted.axis[hole])
-    astray = np.abs(along - made.depth_mm[at])
-    aside = np.where(astray > NEAR_DEEP_MM, np.hypot(aside, astray), aside)
+    astray = np.abs(dot(there - place, feed) - made.depth_mm[at])
+    if (astray > NEAR_DEEP_MM).any():
+        off = np.where(astray > NEAR_DEEP_MM, np.hypot(off, astray), off)
     case.figures(
         "position",
-        aside,
+        off,
         case.limits.position_mm[hole],
         path,
         at,
@@ -93,7 +90,7 @@ def check_places(case: Case, path: Path, made: Made) -> None:
         ),
         body=True,
     )
-    turned = _angle(axis, wanted.axis[hole])
+    turned = angle(axis, feed)
     case.figures(
         "axis",
         turned,
@@ -110,8 +107,8 @@ def check_places(case: Case, path: Path, made: Made) -> None:
     )
     heading = np.abs(
         np.arctan2(
-            np.einsum("ij,ij->i", across, program.part_from_tool[hole, :, 1]),
-            np.einsum("ij,ij->i", across, program.part_from_tool[hole, :, 0]),
+            dot(across, program.part_from_tool[hole, :, 1]),
+            dot(across, program.part_from_tool[hole, :, 0]),
         )
     )
     case.figures(
@@ -139,18 +136,18 @@ def _check_straight(case: Case, path: Path, at: Rows, hole: Rows, first: Rows) -
     place, ids = path.places, case.hole
     axis = place.axis[first]
     limit = case.limits.straight_mm[hole]
-    aside = _aside(place.position_mm[at] - place.position_mm[first], axis)
+    begin = place.position_mm[first]
+    off = aside(place.position_mm[at] - begin, axis)
     if case.arm_by_joints:
-        bent = _aside(path.middle_mm[at] - place.position_mm[first], axis)
-        aside = np.fmax(aside, bent)
+        off = np.fmax(off, aside(path.middle_mm[at] - begin, axis))
     case.figures(
         "straight",
-        aside,
+        off,
         limit,
         path,
         at,
         hole,
-        lambda k: (f"the tool leaves its axis at {ids(int(hole[k]))} by {aside[k]:.3f} mm", None),
+        lambda k: (f"the tool leaves its axis at {ids(int(hole[k]))} by {off[k]:.3f} mm", None),
     )
     if case.program.motion is not None:
         others = np.arange(place.joints.shape[1]) != case.program.motion.feed_axis
@@ -171,16 +168,3 @@ def _check_straight(case: Case, path: Path, at: Rows, hole: Rows, first: Rows) -
             hole[bad],
             lambda k: (f"at {ids(int(hole[bad[k]]))} {what}", None),
         )
-
-
-def _aside(vector: Floats, axis: Floats) -> Floats:
-    """The length (k,) of what vectors (k, 3) have across unit axes."""
-    along = np.einsum("ij,ij->i", vector, axis)
-    rest = vector - along[:, None] * axis
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", rest, rest)))
-
-
-def _angle(one: Floats, two: Floats) -> Floats:
-    """Between unit vectors (k, 3), exact where it is small."""
-    apart = np.linalg.norm(one - two, axis=1)
-    return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * apart, 1.0)))

@@ -9,6 +9,7 @@ import numpy as np
 from .events import Floats
 from .made import MOVE_STEP, Made, Step
 from .matching import Marks, Matcher, Rows
+from .vectors import angle, aside, dot
 
 #: What the strokes to the bottom are called, taken together.
 PLUNGE = "plunge"
@@ -128,9 +129,9 @@ def _out_of_turn(rows: Rows) -> Rows:
 def _changes(before: Made, after: Made, old: Rows, new: Rows, tolerance: Tolerance) -> list[Change]:
     apart = after.bottom_mm[new] - before.bottom_mm[old]
     axis = before.axis[old]
-    deeper = np.einsum("ij,ij->i", apart, axis)
-    aside = np.linalg.norm(apart - deeper[:, None] * axis, axis=1)
-    tilt = _angle(before.axis[old], after.axis[new])
+    deeper = dot(apart, axis)
+    beside = aside(apart, axis)
+    tilt = angle(before.axis[old], after.axis[new])
     turn = _turn(before.rotation[old], after.rotation[new])
     one, two = before.configuration[old], after.configuration[new]
     both = np.isfinite(one).any(axis=1) & np.isfinite(two).any(axis=1)
@@ -149,7 +150,7 @@ def _changes(before: Made, after: Made, old: Rows, new: Rows, tolerance: Toleran
             before.step_lists[pair[0]], after.step_lists[pair[1]], tolerance, pair[2]
         )
     differs = np.array([bool(said[pair]) for pair in pairs], dtype=np.bool_)
-    differs |= (aside > tolerance.length_mm) | (np.abs(deeper) > tolerance.length_mm)
+    differs |= (beside > tolerance.length_mm) | (np.abs(deeper) > tolerance.length_mm)
     differs |= (tilt > tolerance.angle_rad) | (np.abs(turn) > tolerance.angle_rad) | flipped
 
     def beyond(value: float, limit: float, scale: float = 1.0) -> float | None:
@@ -160,7 +161,7 @@ def _changes(before: Made, after: Made, old: Rows, new: Rows, tolerance: Toleran
         Change(
             hole=after.names[int(new[i])],
             at=after.place(int(new[i])),
-            moved_mm=beyond(float(aside[i]), tolerance.length_mm),
+            moved_mm=beyond(float(beside[i]), tolerance.length_mm),
             deeper_mm=beyond(float(deeper[i]), tolerance.length_mm),
             tilted_deg=beyond(float(tilt[i]), tolerance.angle_rad, degrees),
             turned_deg=beyond(float(turn[i]), tolerance.angle_rad, degrees),
@@ -169,11 +170,6 @@ def _changes(before: Made, after: Made, old: Rows, new: Rows, tolerance: Toleran
         )
         for i in np.flatnonzero(differs).tolist()
     ]
-
-
-def _angle(one: Floats, two: Floats) -> Floats:
-    """Between unit vectors (n, 3), exact near zero."""
-    return np.asarray(2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(one - two, axis=1) / 2.0)))
 
 
 def _turn(one: Floats, two: Floats) -> Floats:

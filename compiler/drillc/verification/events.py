@@ -86,6 +86,16 @@ class Events:
         return Events(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
+def moves_of(kind: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Which events (n,) are moves."""
+    return np.asarray((kind == Kind.STRAIGHT) | (kind == Kind.JOINTS) | (kind == Kind.HOME))
+
+
+def placed_of(kind: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Which events (n,) are moves to a place that the program states."""
+    return np.asarray((kind == Kind.STRAIGHT) | (kind == Kind.JOINTS))
+
+
 def joined(parts: Sequence[Events]) -> Events:
     """The events of all parts, one after another; at least one part is needed."""
     return Events(

@@ -27,7 +27,7 @@ from drillc.planning.program import (
     WaitInput,
 )
 
-from .events import Kind
+from .events import Kind, moves_of
 from .reading import Reader
 
 #: A peck that would leave less than this to the bottom goes there at once (planning/program.py).
@@ -38,7 +38,6 @@ SAME_MM = 6e-4
 SAME_SPEED = 0.01
 #: The code of a move; other codes say kind, role, and whether something is switched on.
 MOVE = 0
-MOVES = (Kind.STRAIGHT, Kind.JOINTS, Kind.HOME)
 _UNKNOWN_ROLE = 1000
 
 
@@ -131,7 +130,7 @@ def codes_of(kind: NDArray[np.uint8], role: NDArray[np.int32], value: Floats) ->
     switched = (kind == Kind.OUTPUT) | (kind == Kind.WAIT) | (kind == Kind.SPINDLE)
     on = switched & (value > 0.0)
     codes = kind.astype(np.int32) * 2 + on + 32 * (role + 1)
-    return np.where(np.isin(kind, MOVES), MOVE, codes).astype(np.int32)
+    return np.where(moves_of(kind), MOVE, codes).astype(np.int32)
 
 
 def unknown_role(signal: Ints) -> Ints:

@@ -9,11 +9,12 @@ import numpy as np
 
 from .case import NOISE_MM, Case, roles_of
 from .checks import Made
-from .events import Alternative, Events, Floats, Ints, Kind
+from .events import Alternative, Events, Floats, Ints, Kind, placed_of
 from .expected import MOVE, SAME_SPEED, Item, codes_of
 from .frames import check_frames
 from .places import Places
 from .travels import travel_speeds_fit
+from .vectors import length
 from .verdict import Rows
 from .visits import Path
 from .withdrawals import clear_reach_mm
@@ -154,8 +155,10 @@ def _compare(case: Case, one: Alternative, lanes: Rows, waits: Waits, rows: Rows
             chosen = (cycles == cycle) & (sizes[lanes] == size)
             if not chosen.any():
                 continue
-            table = one.starts[lanes[chosen]][:, None] + np.arange(size)
-            events = one.events.take(table.ravel())
+            events = one.events
+            if not chosen.all() or len(lanes) * size < len(events):
+                table = one.starts[lanes[chosen]][:, None] + np.arange(size)
+                events = events.take(table.ravel())
             _judge(case, one, events, int(size), waits, rows[chosen], lanes[chosen], int(cycle))
 
 
@@ -325,14 +328,14 @@ def _along(
     feed = wanted.axis[hole]
     depth = np.einsum("vsj,vj->vs", there, feed)
     rest = there - depth[:, :, None] * feed[:, None]
-    return depth, np.linalg.norm(rest, axis=2)
+    return depth, np.sqrt(np.einsum("vsj,vsj->vs", rest, rest))
 
 
 def _turned(case: Case, place: Places, hole: Rows, size: int) -> Floats:
     """How far the tool is turned away from the plan (v, size)."""
     planned = case.program.part_from_tool[hole]
     apart = place.rotation.reshape(len(hole), size, 3, 3) - planned[:, None]
-    return np.asarray(np.linalg.norm(apart, axis=(2, 3)) / np.sqrt(2.0))
+    return np.asarray(np.sqrt(0.5 * np.einsum("vsij,vsij->vs", apart, apart)))
 
 
 def _speeds(
@@ -347,7 +350,7 @@ def _speeds(
     at = start_mm
     for k in range(size):
         if events.kind[k] in (Kind.STRAIGHT, Kind.JOINTS):
-            moved[:, k] = np.linalg.norm(position[:, k] - at, axis=1)
+            moved[:, k] = length(position[:, k] - at)
             at = position[:, k]
     straight = events.kind.reshape(count, size) == Kind.STRAIGHT
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -365,7 +368,7 @@ def _unknown_start(case: Case, one: Alternative) -> None:
     motion = case.program.motion
     case.tally.compared("ways", 1)
     joints = case.machine.joints(one.events)
-    moves = np.isin(one.events.kind, (int(Kind.STRAIGHT), int(Kind.JOINTS)))
+    moves = placed_of(one.events.kind)
     good = motion is not None and len(moves) > 0 and bool(moves.all())
     if motion is not None and good:
         others = np.arange(joints.shape[1]) != motion.feed_axis

@@ -11,7 +11,7 @@ from drillc.kernels.rotations import angle_between
 from drillc.language.job import Pose, Tool
 
 from .case import NOISE_MM, Case
-from .events import Kind, ToolFrame
+from .events import ToolFrame, placed_of
 from .verdict import Rows
 from .visits import Path
 
@@ -23,7 +23,7 @@ def check_frames(case: Case, path: Path) -> None:
     """Each move in poses is made with the spec's tool, in its base; a move by the joints of an arm
     that is told poses too is made with the tool, whose load counts."""
     program = case.program
-    moves = np.isin(path.events.kind, (int(Kind.STRAIGHT), int(Kind.JOINTS)))
+    moves = placed_of(path.events.kind)
     poses = moves & np.isfinite(path.events.position_mm[:, 0])
     loaded = moves if program.arm is not None and not case.arm_by_joints else poses
     case.tally.compared("frames", int(np.count_nonzero(loaded)))
@@ -58,7 +58,10 @@ class _Asked:
 def _check(case: Case, path: Path, moves: Rows, asked: _Asked) -> None:
     what = asked.what
     used = getattr(path.events, what)[moves]
-    numbers, first, counts = np.unique(used, return_index=True, return_counts=True)
+    if len(used) and (used == used[0]).all():  # as in most programs
+        numbers, first, counts = used[:1], np.zeros(1, dtype=np.intp), np.array([len(used)])
+    else:
+        numbers, first, counts = np.unique(used, return_index=True, return_counts=True)
     setting = _setting(case, "tooldata" if what == "tool" else "wobjdata")
     for k, index in enumerate(numbers.tolist()):
         wrong = (

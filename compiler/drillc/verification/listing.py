@@ -14,6 +14,7 @@ from .expected import MOVE, SAME_SPEED, Item, Template, Wanted, Words, codes_of,
 from .made import MOVE_STEP, Made, Step, distinct
 from .places import Machine, Places
 from .reading import Reader, Run
+from .vectors import dot, length
 from .visits import THERE_MM, Cores, Path, Visits, items_of, visits_of
 
 #: Depths are told apart to so many mm.
@@ -163,7 +164,7 @@ def _path(events: Events, machine: Machine | None, run: Run, words: Words | None
     speed = events.speed_mm_s
     moves = np.flatnonzero(codes == MOVE)
     if machine is not None and len(moves) > 1:
-        way = np.linalg.norm(np.diff(places.position_mm[moves], axis=0), axis=1)
+        way = length(np.diff(places.position_mm[moves], axis=0))
         speed = speed.copy()
         timed = events.value[moves[1:]]
         by_joints = np.isfinite(events.joints[moves[1:]]).any(axis=1) & (timed > 0.0)
@@ -183,7 +184,7 @@ def _depth(path: Path, visits: Visits) -> Floats:
     )
     deepest = np.repeat(visits.deepest, counts)
     there = position[last[rows]] - position[deepest]
-    depth[rows] = np.einsum("ij,ij->i", there, axis[deepest])
+    depth[rows] = dot(there, axis[deepest])
     return depth
 
 

@@ -7,21 +7,35 @@ again from the states in which they then ended, until nothing changes; what is t
 lane by lane, what happens one after another. Where lanes part ways (a loop that some run once more)
 they go on apart.
 
-At each wait the answer comes. What happens where it does not is run too, as an `Alternative`, and
-so is the other way of a condition that hangs on where the axes stand before the program starts.
+At each wait the answer comes. What happens where it does not is run too, from there on, as an
+`Alternative`, and so is the other way of a condition that hangs on where the axes stand before the
+program starts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .events import Alternative, Events, Kind, Step, ToolFrame, blank
+from .batch import Batch, Path, flat, in_order
+from .course import (
+    Choice,
+    Course,
+    Frame,
+    Made,
+    Parted,
+    Returned,
+    Stopped,
+    Unforeseen,
+    of_lanes,
+)
+from .events import Alternative, Kind, Step, ToolFrame
 from .reading import ReadError
 from .statements import (
     At,
@@ -37,7 +51,6 @@ from .statements import (
     While,
 )
 from .values import (
-    Lanes,
     NotUniform,
     Value,
     carried,
@@ -46,7 +59,6 @@ from .values import (
     last_lane,
     passed_on,
     same,
-    select,
 )
 
 #: A loop that runs longer than this never ends.
@@ -66,64 +78,12 @@ class Undecided:
 UNDECIDED = Undecided()
 
 
-class _Exit(Exception):  # noqa: N818
-    """Leaves a loop."""
-
-
-class _Return(Exception):  # noqa: N818
-    """Leaves a routine."""
-
-
-class _Stop(Exception):  # noqa: N818
-    """Ends the program."""
-
-
-class _Parted(Exception):  # noqa: N818
-    """Lanes go different ways; `truth` says which of them go the first."""
-
-    def __init__(self, truth: NDArray[np.bool_]) -> None:
-        super().__init__()
-        self.truth = truth
-
-
-@dataclass(frozen=True)
-class _Made:
-    """One event of a batch: its fields as values, the same in all lanes or one a lane."""
-
-    kind: Kind
-    at: At
-    top: int  # which statement of the body it belongs to
-    fields: Mapping[str, Value]
-
-
-@dataclass(frozen=True)
-class _Choice:
-    """A choice that a batch came by: how many events had happened, where, in which statement of
-    the body, and whether it waits."""
-
-    events: int
-    at: At
-    top: int
-    timeout: bool
-
-
-@dataclass(frozen=True)
-class _Path:
-    """What some lanes did together."""
-
-    lanes: Lanes
-    made: Sequence[_Made]
-    choices: Sequence[_Choice]
-    state: Value
-    stopped: bool
-
-
 @dataclass(eq=False)
 class Machine:
     """`state` is all that lasts from statement to statement, a tree of dictionaries and lists of
     values that the reader lays out; `state["locals"]` is a list with the variables of each routine
     that is running. `constants` is what no statement changes. `signals` and `frames` give numbers
-    to names as they turn up.
+    to names as they turn up. `lanes` is how many are being run.
     """
 
     axes: tuple[str, ...]
@@ -132,13 +92,16 @@ class Machine:
     signals: dict[str, int] = field(default_factory=dict)
     frames: list[ToolFrame] = field(default_factory=list)
     lanes: int = 1
-    _columns: Sequence[Any] = ()
-    _made: list[_Made] = field(default_factory=list)
-    _choices: list[_Choice] = field(default_factory=list)
-    _other_way: int | None = None  # the choice at which the other way is taken
-    _top: int = 0
+    _batch: Batch | None = None
+    _course: Course = field(
+        default_factory=lambda: Course(np.arange(1), (), [Frame(())], {"locals": []})
+    )
     _at: At = field(default_factory=lambda: At(-1, 0))
-    _running: tuple[_Batch, Lanes] | None = None
+    #: Statements that choose, or part lanes: before they are run, their course is kept.
+    _choosing: set[At] = field(default_factory=set)
+    _kept: Course | None = None  # the course before the statement that is being run
+    _chosen: int = 0  # how often it has chosen
+    _other_way: int | None = None  # which of its choices is to go the other way
 
     # ── what readers use in their functions ──────────────────────────────────────────────────────
 
@@ -151,19 +114,19 @@ class Machine:
     @property
     def at(self) -> At:
         """The statement that is being run; of repeated ones, that in the first lane."""
-        if self._running is not None:
-            batch, lanes = self._running
-            if self._top < len(batch.body) and _stands_at(batch.body[self._top], self._at):
-                return At(batch.file, int(batch.lines[lanes[0], self._top]))
+        batch, course = self._batch, self._course
+        if batch is not None and batch.has(course.top, self._at):
+            return At(batch.file, int(batch.lines[course.lanes[0], course.top]))
         return self._at
 
     def column(self, number: int) -> Value:
         """Column `number` of the repeated statements, one value a lane."""
-        return self._columns[number]
+        return self._course.column(number)
 
     def emit(self, kind: Kind, **fields: Value) -> None:
         """Let something happen. `fields` are those of `Events`: single values, or one a lane."""
-        self._made.append(_Made(kind, self._at, self._top, fields))
+        course = self._course
+        course.made.append(Made(course.lanes, kind, self._at, course.top, fields))
 
     def signal(self, name: str) -> int:
         """The number of a signal."""
@@ -191,12 +154,12 @@ class Machine:
     def part(self, truth: NDArray[np.bool_]) -> NoReturn:
         """Let lanes go on apart: those for which `truth` (lanes,) holds, and the others. It holds
         for some and not for all."""
-        raise _Parted(truth)
+        raise Parted(truth)
 
     def stop(self) -> None:
         """End the program for good."""
         self.emit(Kind.STOP)
-        raise _Stop
+        raise Stopped
 
     def fail(self, message: str) -> ReadError:
         """An error at the statement that is being run, to be raised."""
@@ -206,82 +169,89 @@ class Machine:
 
     def run(self, routine: Routine) -> Iterator[Step]:
         """Everything that happens, in order. Raises ReadError."""
-        try:
-            yield from self._frame_of(routine.body, 0)
-        except _Stop:
-            return
-        except _Return:
-            return
+        with suppress(Stopped, Returned):
+            yield from self._body(routine.body, 0)
 
-    def _frame_of(self, body: Sequence[Statement], depth: int) -> Iterator[Step]:
-        """Statements of the program's frame, each of them a batch of its own."""
+    def _body(self, body: Sequence[Statement], depth: int) -> Iterator[Step]:
+        """Statements of the program's frame: acts in a row as one batch, all others singly."""
         if depth > DEEPEST:
             raise self.fail("routines call one another without an end")
-        for statement in body:
-            if isinstance(statement, Repeated):
-                for first in range(0, len(statement.lines), MOST_LANES):
-                    some = np.arange(first, min(first + MOST_LANES, len(statement.lines)))
-                    columns = [_of_lanes(column, some) for column in statement.columns]
-                    yield from self._batch(
-                        statement.body, columns, statement.lines[some], statement.file
-                    )
-            elif isinstance(statement, Call) and (routine := statement.routine()).steps:
-                self._at = statement.at
-                self.state["locals"].append(statement.enter(self))
-                with suppress(_Return):
-                    yield from self._frame_of(routine.body, depth + 1)
-                variables = self.state["locals"].pop()
-                if statement.leave is not None:
-                    statement.leave(self, variables)
-            elif isinstance(statement, Return):
-                raise _Return
-            else:
-                at = statement.at
-                yield from self._batch(
-                    (statement,), (), np.array([[at.line]], dtype=np.int32), at.file
+        for acts, some in groupby(body, key=lambda statement: isinstance(statement, Do)):
+            if acts:
+                yield from self._acts(list(some))
+                continue
+            for statement in some:
+                yield from self._singly(statement, depth)
+
+    def _singly(self, statement: Statement, depth: int) -> Iterator[Step]:
+        if isinstance(statement, Repeated):
+            for first in range(0, len(statement.lines), MOST_LANES):
+                lanes = np.arange(first, min(first + MOST_LANES, len(statement.lines)))
+                columns = [of_lanes(column, lanes) for column in statement.columns]
+                yield from self._in_lanes(
+                    Batch(statement.body, columns, statement.lines[lanes], statement.file)
                 )
+        elif isinstance(statement, Call) and (routine := statement.routine()).steps:
+            self._at = statement.at
+            self.state["locals"].append(statement.enter(self))
+            with suppress(Returned):
+                yield from self._body(routine.body, depth + 1)
+            variables = self.state["locals"].pop()
+            if statement.leave is not None:
+                statement.leave(self, variables)
+        elif isinstance(statement, Return):
+            raise Returned
+        else:
+            yield from self._in_lanes(_batch_of([statement]))
+
+    def _acts(self, acts: Sequence[Statement]) -> Iterator[Step]:
+        """Acts one after another. What an alternative leads to ends with its statement, so where
+        one of them chooses they are run singly."""
+        batch = _batch_of(acts)
+        if len(acts) > 1:
+            paths, choices = self._consistent(batch)
+            if not choices:
+                yield from self._told(batch, paths, choices)
+                return
+        for one in acts:
+            yield from self._in_lanes(_batch_of([one]))
 
     # ── batches ──────────────────────────────────────────────────────────────────────────────────
 
-    def _batch(
-        self, body: Sequence[Statement], columns: Sequence[Any], lines: NDArray[np.int32], file: int
-    ) -> Iterator[Step]:
-        """Run `body` once in each lane, one lane after another."""
-        count = len(lines)
-        everything = np.arange(count)
-        batch = _Batch(body, columns, lines, file)
+    def _in_lanes(self, batch: Batch) -> Iterator[Step]:
+        """Run a batch, one lane after another: together, if that can be."""
+        count = len(batch.lines)
         try:
-            begin, paths = self._consistent(batch, everything)
+            paths, choices = self._consistent(batch)
         except NotUniform:
             # A variable that has its first value now, say. After one lane it has one.
             if count == 1:
                 raise
-            for part in (everything[:1], everything[1:]):
-                yield from self._part(batch, part)
+            yield from self._in_lanes(batch.part(np.arange(1)))
+            yield from self._rest(batch.part(np.arange(1, count)))
             return
-        yield from self._told(batch, begin, paths, everything)
+        yield from self._told(batch, paths, choices)
 
-    def _part(self, batch: _Batch, part: Lanes) -> Iterator[Step]:
-        """Some lanes together; if that cannot be, one by one."""
-        sub = batch.part(part)
-        everything = np.arange(len(part))
+    def _rest(self, batch: Batch) -> Iterator[Step]:
+        """All lanes but the first: if they cannot be run together, one by one."""
         try:
-            begin, paths = self._consistent(sub, everything)
+            paths, choices = self._consistent(batch)
         except NotUniform:
-            for lane in part:
-                yield from self._part(batch, np.array([lane]))
+            for lane in range(len(batch.lines)):
+                yield from self._in_lanes(batch.part(np.array([lane])))
             return
-        yield from self._told(sub, begin, paths, everything)
+        yield from self._told(batch, paths, choices)
 
-    def _consistent(self, batch: _Batch, everything: Lanes) -> tuple[Value, list[_Path]]:
-        """How the lanes begin, and what they do, such that each begins as the one before ends."""
-        count = len(everything)
-        first = copied(self.state)
-        begin = first
-        wrote: Value = None
+    def _consistent(self, batch: Batch) -> tuple[list[Path], list[Choice]]:
+        """What the lanes do, such that each begins as the one before ends. Raises NotUniform."""
+        count = len(batch.lines)
+        lanes = np.arange(count)
+        first: dict[str, Any] = self.state
+        begin, wrote = first, None
         for _ in range(_MOST_TRIES):
             try:
-                paths = self._paths(batch, begin, everything, None)
+                start = Course(lanes, batch.columns, [Frame(batch.body)], begin)
+                paths, choices = self._paths(batch, start)
             except ReadError:
                 if count == 1:
                     raise
@@ -289,37 +259,39 @@ class Machine:
                 raise NotUniform from None
             if count == 1:
                 break
-            if any(path.stopped for path in paths):
+            if any(path.stopped or path.returned for path in paths):
                 raise NotUniform  # what comes after a stop does not happen: one by one
-            ends = gathered([(path.lanes, path.state) for path in paths], count)
+            ends = _ends(paths)
             again = passed_on(first, ends, count)
             if same(again, begin):
                 break
             begin, wrote = carried(first, begin, ends, wrote, count)
         else:
             raise NotUniform
-        return begin, paths
+        return paths, choices
 
-    def _told(
-        self, batch: _Batch, begin: Value, paths: list[_Path], everything: Lanes
-    ) -> Iterator[Step]:
+    def _told(self, batch: Batch, paths: list[Path], choices: list[Choice]) -> Iterator[Step]:
         """The events of a batch, and what might happen instead; the state after it."""
-        count = len(everything)
-        yield _in_order(batch, paths, len(self.axes))
-        for path in paths:
-            for number, choice in enumerate(path.choices):
-                for other in self._paths(batch, begin, path.lanes, number):
-                    yield self._alternative(batch, other, choice)
-        ends = gathered([(path.lanes, path.state) for path in paths], count)
-        self.state = last_lane(ends)
+        yield in_order(batch, paths, len(self.axes))
+        for choice in choices:
+            for other in self._other(batch, choice):
+                yield self._alternative(batch, other, choice)
+        self.state = last_lane(_ends(paths))
         if any(path.stopped for path in paths):
-            raise _Stop
+            raise Stopped
+        if any(path.returned for path in paths):
+            raise Returned
 
-    def _alternative(self, batch: _Batch, path: _Path, choice: _Choice) -> Alternative:
+    def _other(self, batch: Batch, choice: Choice) -> list[Path]:
+        """What happens from a choice on, the other way; events from its statement on."""
+        start = replace(choice.course, made=[], choices=[])
+        return self._paths(batch, start, choice.number)[0]
+
+    def _alternative(self, batch: Batch, path: Path, choice: Choice) -> Alternative:
         made = path.made[choice.events :]
         lanes = len(path.lanes)
         return Alternative(
-            events=_flat(batch, path.lanes, made, len(self.axes)),
+            events=flat(batch, path.lanes, made, len(self.axes)),
             starts=np.arange(lanes + 1) * len(made),
             call_file=np.full(lanes, batch.file, dtype=np.int32),
             call_line=batch.lines[path.lanes, choice.top],
@@ -329,107 +301,147 @@ class Machine:
             ends=path.stopped,
         )
 
+    # ── lanes that go together ───────────────────────────────────────────────────────────────────
+
     def _paths(
-        self, batch: _Batch, begin: Value, lanes: Lanes, other_way: int | None
-    ) -> list[_Path]:
-        """What some lanes do, those that go the same way together."""
-        self.lanes = len(lanes)
-        self._columns = [_of_lanes(column, lanes) for column in batch.columns]
-        whole = self.state
-        self.state = copied(select(begin, lanes))
-        self._made, self._choices, self._other_way = [], [], other_way
-        self._running = (batch, lanes)
-        stopped = False
+        self, batch: Batch, start: Course, other_way: int | None = None
+    ) -> tuple[list[Path], list[Choice]]:
+        """What lanes do from `start` on, those that go the same way together, and the choices that
+        they come by. The first statement goes the other way at its choice number `other_way`."""
+        whole, course = self.state, self._course
+        self._batch = batch
         try:
-            for top, statement in enumerate(batch.body):
-                self._top = top
-                self._run(statement, 0)
-        except _Stop:
-            stopped = True
-        except _Parted as parted:
-            self.state = whole
-            sides = (lanes[parted.truth], lanes[~parted.truth])
-            return [path for side in sides for path in self._paths(batch, begin, side, other_way)]
-        except (NotUniform, ReadError):
-            self.state = whole
-            raise
-        path = _Path(lanes, self._made, self._choices, self.state, stopped)
-        self.state = whole
-        return [path]
+            while True:
+                try:
+                    return self._apart(start.kept(), other_way)
+                except Unforeseen:
+                    self._choosing.add(self._at)
+        finally:
+            self.state, self._course, self._batch = whole, course, None
+
+    def _apart(self, course: Course, other_way: int | None) -> tuple[list[Path], list[Choice]]:
+        paths: list[Path] = []
+        choices: list[Choice] = []
+        todo = [(course, other_way)]
+        while todo:
+            course, other_way = todo.pop()
+            stopped = returned = False
+            try:
+                self._follow(course, other_way)
+            except Stopped:
+                stopped = True
+            except Returned:
+                returned = True
+            except Parted as parted:
+                kept = self._kept
+                if kept is None:
+                    raise Unforeseen from None
+                choices += kept.choices
+                way = self._other_way
+                sides = (np.flatnonzero(parted.truth), np.flatnonzero(~parted.truth))
+                todo += [(kept.part(side), way) for side in reversed(sides)]
+                continue
+            choices += course.choices
+            paths.append(Path(course.lanes, course.made, course.state, stopped, returned))
+        return paths, choices
+
+    def _follow(self, course: Course, other_way: int | None) -> None:
+        """Run on to the end of the body."""
+        self._course, self.state, self.lanes = course, course.state, len(course.lanes)
+        self._other_way = other_way
+        frames = course.frames
+        while True:
+            frame = frames[-1]
+            ended = frame.next == len(frame.body)
+            statement = frame.of if ended else frame.body[frame.next]
+            if statement is None:
+                if len(frames) == 1:
+                    return
+                frames.pop()
+                continue
+            self._kept, self._chosen = None, 0
+            if not isinstance(statement, Repeated):
+                self._at = statement.at
+                if statement.at in self._choosing:
+                    self._kept = course.kept()
+            if ended:
+                self._end(frame)
+            else:
+                frame.next += 1
+                self._begin(statement, frames)
+            self._other_way = None
 
     # ── statements ───────────────────────────────────────────────────────────────────────────────
 
-    def _run(self, statement: Statement, depth: int) -> None:
-        if isinstance(statement, Repeated):
-            self._one_by_one(statement, depth)
-            return
-        self._at = statement.at
+    def _begin(self, statement: Statement, frames: list[Frame]) -> None:
         match statement:
             case Do():
                 statement.act(self)
             case If():
                 truth = self._truth(statement.condition(self))
-                self._all(statement.then if truth else statement.otherwise, depth)
+                if body := statement.then if truth else statement.otherwise:
+                    frames.append(Frame(body))
             case While():
-                self._loop(statement, depth)
+                if self._truth(statement.condition(self)):
+                    frames.append(Frame(statement.body, statement))
             case Forever():
-                self._forever(statement, depth)
+                frames.append(Frame(statement.body, statement, begun=self._now()))
             case Call():
-                self._call(statement, depth)
+                if self._course.depth >= DEEPEST:
+                    raise self.fail("routines call one another without an end")
+                self.state["locals"].append(statement.enter(self))
+                frames.append(Frame(statement.routine().body, statement))
+            case Repeated():
+                if len(statement.lines):
+                    frames.append(_one_of(statement, 0))
             case Exit():
-                raise _Exit
+                while not isinstance(frames[-1].of, While | Forever):
+                    if len(frames) == 1 or isinstance(frames[-1].of, Call):
+                        raise self.fail("there is no loop to be left")
+                    frames.pop()
+                frames.pop()
             case Return():
-                raise _Return
+                while frames and not isinstance(frames[-1].of, Call):
+                    frames.pop()
+                if not frames:
+                    raise Returned
+                self._end(frames[-1])
 
-    def _one_by_one(self, repeated: Repeated, depth: int) -> None:
-        """Repeated statements within a routine that is run as a whole, or a loop."""
-        outer = self._columns
-        for lane, lines in enumerate(repeated.lines.tolist()):
-            only = np.array([lane])
-            self._columns = [last_lane(_of_lanes(column, only)) for column in repeated.columns]
-            for statement, line in zip(repeated.body, lines, strict=True):
-                here = replace(statement, at=At(repeated.file, line))  # type: ignore[arg-type]
-                self._run(here, depth)
-        self._columns = outer
-
-    def _all(self, body: Sequence[Statement], depth: int) -> None:
-        for statement in body:
-            self._run(statement, depth)
-
-    def _loop(self, loop: While, depth: int) -> None:
-        for _ in range(MOST_TURNS):
-            self._at = loop.at
-            if not self._truth(loop.condition(self)):
-                return
-            try:
-                self._all(loop.body, depth)
-            except _Exit:
-                return
-        raise self.fail(f"the loop has not ended after {MOST_TURNS:,} turns")
-
-    def _forever(self, loop: Forever, depth: int) -> None:
-        """A loop that changes nothing and moves nothing is the end of the program."""
-        for _ in range(MOST_TURNS):
-            before, made = copied(self.state), len(self._made)
-            try:
-                self._all(loop.body, depth)
-            except _Exit:
-                return
-            if len(self._made) == made and same(before, self.state):
+    def _end(self, frame: Frame) -> None:
+        """The end of a loop's turn, of a routine, or of one lane of repeated statements."""
+        frames, loop = self._course.frames, frame.of
+        match loop:
+            case Call():
+                frames.pop()
+                variables = self.state["locals"].pop()
                 self._at = loop.at
-                self.stop()
-        raise self.fail(f"the loop has not ended after {MOST_TURNS:,} turns")
+                if loop.leave is not None:
+                    loop.leave(self, variables)
+            case While():
+                frame.turns += 1
+                self._not_for_ever(frame)
+                if self._truth(loop.condition(self)):
+                    frame.next = 0
+                else:
+                    frames.pop()
+            case Forever():
+                state, made = frame.begun or (None, 0)
+                if len(self._course.made) == made and same(state, self.state):
+                    self.stop()  # it changes nothing and moves nothing: the end of the program
+                frame.turns += 1
+                self._not_for_ever(frame)
+                frame.next, frame.begun = 0, self._now()
+            case Repeated():
+                frames.pop()
+                if frame.turns + 1 < len(loop.lines):
+                    frames.append(_one_of(loop, frame.turns + 1))
 
-    def _call(self, call: Call, depth: int) -> None:
-        if depth >= DEEPEST:
-            raise self.fail("routines call one another without an end")
-        self.state["locals"].append(call.enter(self))
-        with suppress(_Return):
-            self._all(call.routine().body, depth + 1)
-        self._at = call.at
-        variables = self.state["locals"].pop()
-        if call.leave is not None:
-            call.leave(self, variables)
+    def _now(self) -> tuple[Value, int]:
+        return copied(self.state), len(self._course.made)
+
+    def _not_for_ever(self, frame: Frame) -> None:
+        if frame.turns >= MOST_TURNS:
+            raise self.fail(f"the loop has not ended after {MOST_TURNS:,} turns")
 
     def _truth(self, value: Value) -> bool:
         if value is UNDECIDED:
@@ -438,7 +450,7 @@ class Machine:
             if value.dtype != np.bool_:
                 raise self.fail("a condition is no truth")
             if value.any() and not value.all():
-                raise _Parted(value)
+                raise Parted(value)
             return bool(value[0])
         if not isinstance(value, bool | np.bool_):
             raise self.fail("a condition is no truth")
@@ -446,79 +458,35 @@ class Machine:
 
     def _choose(self, timeout: bool) -> bool:
         """False, but True at the choice at which the other way is to be taken."""
-        self._choices.append(_Choice(len(self._made), self._at, self._top, timeout))
-        return len(self._choices) - 1 == self._other_way
+        course, kept = self._course, self._kept
+        if kept is None:
+            raise Unforeseen
+        events = len(course.made) - len(kept.made)
+        course.choices.append(Choice(kept, self._chosen, events, self._at, course.top, timeout))
+        self._chosen += 1
+        return self._chosen - 1 == self._other_way
 
 
-# ── events ───────────────────────────────────────────────────────────────────────────────────────
+def _batch_of(statements: Sequence[Any]) -> Batch:
+    """Statements that are run once."""
+    lines = np.array([[statement.at.line for statement in statements]], dtype=np.int32)
+    return Batch(statements, (), lines, statements[0].at.file)
 
 
-@dataclass(frozen=True, eq=False)
-class _Batch:
-    body: Sequence[Statement]
-    columns: Sequence[Any]
-    lines: NDArray[np.int32]  # (lanes, len(body))
-    file: int
-
-    def part(self, lanes: Lanes) -> _Batch:
-        columns = [_of_lanes(column, lanes) for column in self.columns]
-        return _Batch(self.body, columns, self.lines[lanes], self.file)
-
-
-def _of_lanes(column: Any, lanes: Lanes) -> Any:
-    return [column[i] for i in lanes] if isinstance(column, list) else select(column, lanes)
+def _one_of(repeated: Repeated, lane: int) -> Frame:
+    """One lane of repeated statements, within a routine that is run as a whole, or a loop."""
+    only = np.array([lane])
+    columns = [last_lane(of_lanes(column, only)) for column in repeated.columns]
+    body = [
+        replace(statement, at=At(repeated.file, line))  # type: ignore[arg-type]
+        for statement, line in zip(repeated.body, repeated.lines[lane].tolist(), strict=True)
+    ]
+    return Frame(body, repeated, turns=lane, columns=columns)
 
 
-def _in_order(batch: _Batch, paths: Sequence[_Path], axes: int) -> Events:
-    """The events of all paths, lane by lane."""
-    if len(paths) == 1:
-        return _flat(batch, paths[0].lanes, paths[0].made, axes)
-    each = np.empty(sum(len(path.lanes) for path in paths), dtype=np.intp)
-    for path in paths:
-        each[path.lanes] = len(path.made)
-    starts = np.cumsum(each) - each
-    events = blank(int(each.sum()), axes)
-    for path in paths:
-        rows = [starts[path.lanes] + k for k in range(len(path.made))]
-        _fill_in(events, rows, batch, path.lanes, path.made)
-    return events
-
-
-def _flat(batch: _Batch, lanes: Lanes, made: Sequence[_Made], axes: int) -> Events:
-    """Events of some lanes: all of the first lane, all of the second, and so on."""
-    each = len(made)
-    events = blank(len(lanes) * each, axes)
-    _fill_in(events, [slice(k, None, each) for k in range(each)], batch, lanes, made)
-    return events
-
-
-def _fill_in(
-    events: Events,
-    rows: Sequence[slice | NDArray[np.intp]],
-    batch: _Batch,
-    lanes: Lanes,
-    made: Sequence[_Made],
-) -> None:
-    """Write what some lanes made: event k of all lanes into `rows[k]`."""
-    for row, event in zip(rows, made, strict=True):
-        lines = batch.lines[lanes, event.top]
-        events.kind[row] = event.kind
-        events.file[row] = event.at.file
-        events.line[row] = lines if _is_top(batch, event) else event.at.line
-        events.call_file[row] = batch.file
-        events.call_line[row] = lines
-        for name, value in event.fields.items():
-            getattr(events, name)[row] = value
-
-
-def _is_top(batch: _Batch, event: _Made) -> bool:
-    """Whether an event is made by a statement of the body itself, which has another line in each
-    lane: its own place is that of the first lane."""
-    return _stands_at(batch.body[event.top], event.at)
-
-
-def _stands_at(statement: Statement, at: At) -> bool:
-    return not isinstance(statement, Repeated) and statement.at == at
+def _ends(paths: Sequence[Path]) -> Value:
+    """The state of each lane at the end."""
+    return gathered([(path.lanes, path.state) for path in paths], sum(len(p.lanes) for p in paths))
 
 
 def _alike(one: Any, two: Any) -> bool:

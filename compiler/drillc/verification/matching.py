@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from .events import Floats
+from .vectors import aside, dot, length
 
 Rows = NDArray[np.intp]
 
@@ -129,10 +130,13 @@ class Matcher:
 def near(found: Marks, wanted: Marks) -> NDArray[np.bool_]:
     """Which are the same holes (n,), row by row."""
     apart = found.bottom_mm - wanted.bottom_mm
-    along = np.einsum("ij,ij->i", apart, wanted.axis)
-    aside = np.linalg.norm(apart - along[:, None] * wanted.axis, axis=1)
-    turned = np.linalg.norm(found.axis - wanted.axis, axis=1)
-    fits = (aside <= NEAR_MM) & (turned <= NEAR_RAD) & (np.abs(along) <= NEAR_DEEP_MM)
+    along = dot(apart, wanted.axis)
+    turned = length(found.axis - wanted.axis)
+    fits = (
+        (aside(apart, wanted.axis) <= NEAR_MM)
+        & (turned <= NEAR_RAD)
+        & (np.abs(along) <= NEAR_DEEP_MM)
+    )
     return np.asarray(fits)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,9 @@ from drillc.kernels import arm, portal
 from drillc.language.job import Emit, Job, Portal, Pose
 from drillc.planning.program import ArmMotion, Program
 
-from .events import Events, Floats, Kind
+from .events import Events, Floats, placed_of
 from .reading import Precision
+from .vectors import length
 
 Bools = NDArray[np.bool_]
 
@@ -32,10 +34,10 @@ class Places:
     rotation: Floats
     joints: Floats
 
-    @property
+    @cached_property
     def axis(self) -> Floats:
         """Where the tool feeds, (n, 3)."""
-        return self.rotation[:, :, 2]
+        return np.ascontiguousarray(self.rotation[:, :, 2])
 
     def take(self, rows: NDArray[np.intp] | Bools | slice) -> Places:
         """Those of some rows, in the order given."""
@@ -91,7 +93,7 @@ class Machine:
         """Where the tool is after each event that moves it; NaN after others."""
         joints = self.joints(events)
         position, rotation = events.position_mm, events.rotation
-        moves = (events.kind == Kind.STRAIGHT) | (events.kind == Kind.JOINTS)
+        moves = placed_of(events.kind)
         if (~moves & np.isfinite(position[:, 0])).any():
             position = np.where(moves[:, None], position, np.nan)
         by_joints = np.flatnonzero(moves & np.isnan(position[:, 0]))
@@ -110,7 +112,7 @@ class Machine:
             other = joints.copy()
             other[:, k] += step
             there, turn = self.tool(other)
-            moved += np.linalg.norm(there - position, axis=1) / 1e3
+            moved += length(there - position) / 1e3
             turned += np.linalg.norm(turn - rotation, axis=(1, 2)) / 1e3
         return moved, turned
 

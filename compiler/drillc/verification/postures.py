@@ -10,6 +10,7 @@ from drillc.language.job import Floats
 from drillc.planning.cell import Cell, make_cell
 
 from .case import Case
+from .vectors import dot
 from .visits import Path
 
 #: A joint so near to where its sign or quadrant changes may be told either way.
@@ -86,8 +87,8 @@ def told_posture(cell: Cell, joints: Floats, maker: str) -> Floats:
     ahead = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=1)
     aside = np.stack([-np.sin(turn), np.cos(turn), np.zeros_like(turn)], axis=1)
     _, column, shoulder, elbow, _, wrist, _ = np.moveaxis(points, 1, 0)
-    behind = np.einsum("ij,ij->i", wrist - column, ahead) < 0.0
-    bend = np.einsum("ij,ij->i", np.cross(elbow - shoulder, wrist - elbow), aside)
+    behind = dot(wrist - column, ahead) < 0.0
+    bend = dot(np.cross(elbow - shoulder, wrist - elbow), aside)
     told = np.full((len(joints), 4), np.nan)
     if maker == "kuka":
         told[:, 0] = behind * 1 + (bend >= 0.0) * 2 + (joints[:, 4] < 0.0) * 4

@@ -13,8 +13,8 @@ from drillc.planning.program import Program
 from .case import CHORD_ROUNDED_MM, Case, arm_by_joints, limits_of, roles_of
 from .checks import Made, check_places, depths_of
 from .coverage import Coverage, check_extra
-from .events import Alternative, Events, Kind, Step, joined
-from .expected import MOVE, MOVES, codes_of, wanted_of, words_of
+from .events import Alternative, Events, Kind, Step, joined, moves_of
+from .expected import MOVE, codes_of, wanted_of, words_of
 from .faults import Faults
 from .frames import check_frames
 from .joints import check_joints, check_range
@@ -24,6 +24,7 @@ from .postures import check_configuration
 from .reading import Reader, ReadError, Run
 from .steps import check_steps
 from .travels import Legs
+from .vectors import length
 from .verdict import Tally, Verdict
 from .visits import Path, Visits, cores_of, items_of, visits_of
 from .ways import check_homes, check_ways
@@ -198,7 +199,7 @@ class _Proof:
         elif len(step):
             self.held.append(step)
             self.count += len(step)
-            self.seen += int(np.count_nonzero(np.isin(step.kind, MOVES)))
+            self.seen += int(np.count_nonzero(moves_of(step.kind)))
         if self.count >= self.chunk:
             self.count = 0
             self._judge(last=False)
@@ -261,7 +262,7 @@ class _Proof:
         if case.by_joints:
             straight = np.flatnonzero((events.kind == Kind.STRAIGHT) & (before >= 0))
             start = before[straight]
-            way = np.linalg.norm(places.position_mm[straight] - places.position_mm[start], axis=1)
+            way = length(places.position_mm[straight] - places.position_mm[start])
             # A feed may be counted along some axes only; the time says how fast the tool is.
             with np.errstate(divide="ignore", invalid="ignore"):
                 told = way / events.value[straight]

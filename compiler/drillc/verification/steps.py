@@ -12,6 +12,7 @@ from .case import NOISE_MM, TIME_S, Case
 from .checks import Made
 from .events import Floats, Kind
 from .expected import MOVE, SAME_MM, Item, Template
+from .vectors import largest
 from .verdict import Rows
 from .visits import Items, Path, items_of
 
@@ -94,9 +95,8 @@ def _digits(case: Case, path: Path, at: Rows, hole: Rows, found: Floats, asked: 
     if case.arm_by_joints:
         return
     if motion is None:
-        axis = path.places.axis[at]
-        there = case.wanted.position_mm[hole] + asked[:, None] * axis
-        error = np.abs(path.places.position_mm[at] - there).max(axis=1)
+        there = case.wanted.position_mm[hole] + asked[:, None] * path.places.axis[at]
+        error = largest(path.places.position_mm[at] - there)
         half = precision.length_mm
     else:
         feed = motion.feed_axis

@@ -11,6 +11,7 @@ from drillc.language.source import Span
 from .case import NOISE_SHARE, Case
 from .events import Floats
 from .expected import SAME_MM
+from .vectors import length
 from .verdict import Rows
 from .visits import Bools, Path
 
@@ -46,9 +47,10 @@ def check_travel_speeds(case: Case, path: Path, event: Rows, hole: Rows) -> None
     found = path.speed_mm_s[event]
     asked = np.array([cycle.process.travel_mm_s for cycle in case.program.cycles])
     before = np.maximum(path.before[event], 0)
-    way = np.linalg.norm(path.places.position_mm[event] - path.places.position_mm[before], axis=1)
+    way = length(path.places.position_mm[event] - path.places.position_mm[before])
     told = np.isfinite(found) & ~((way < SAME_MM) & (path.before[event] >= 0))
-    event, hole, found, way, before = (x[told] for x in (event, hole, found, way, before))
+    event, hole, before = event[told], hole[told], before[told]
+    found, way = found[told], way[told]
     if not len(event):
         return
     ideal = np.repeat(asked[None], len(event), axis=0)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .events import Events, Floats, Kind
 from .expected import MOVE, SAME_MM, SAME_SPEED
 from .places import Places
+from .vectors import dot
 
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]
@@ -89,14 +90,16 @@ def visits_of(path: Path, fresh: int) -> Visits:
     first = np.flatnonzero(~_same_line(position[:-1], axis[:-1], position[1:], axis[1:])) + 1
     first = np.concatenate([[0], first])
     first = _without_slips(first, len(moves), position, axis)
-    along = np.einsum("ij,ij->i", position, _held(axis, first, len(moves)))
+    along = dot(position, _held(axis, first, len(moves)))
     first = _apart(first, moves, path, along)
     if fresh:
-        first = np.unique(np.append(first, np.searchsorted(moves, fresh)))
-        first = first[first < len(moves)]
+        here = int(np.searchsorted(moves, fresh))
+        at = int(np.searchsorted(first, here))
+        if here < len(moves) and (at == len(first) or first[at] != here):
+            first = np.insert(first, at, here)
     starts = moves[first]
     stops = np.append(starts[1:], len(path))
-    along = np.einsum("ij,ij->i", position, _held(axis, first, len(moves)))
+    along = dot(position, _held(axis, first, len(moves)))
     low, high = np.minimum.reduceat(along, first), np.maximum.reduceat(along, first)
     counts = np.diff(first, append=len(moves))
     switched = (stops - starts) > counts
@@ -111,12 +114,12 @@ def visits_of(path: Path, fresh: int) -> Visits:
 def _same_line(one_mm: Floats, one_axis: Floats, two_mm: Floats, two_axis: Floats) -> Bools:
     """Whether two poses each stand on one line; false where one is not known."""
     step = two_mm - one_mm
-    along = np.einsum("ij,ij->i", step, one_axis)
+    along = dot(step, one_axis)
     aside = step - along[:, None] * one_axis
     turned = two_axis - one_axis
     with np.errstate(invalid="ignore"):
-        near = np.einsum("ij,ij->i", aside, aside) <= LINE_MM**2
-        alike = np.einsum("ij,ij->i", turned, turned) <= LINE_RAD**2
+        near = dot(aside, aside) <= LINE_MM**2
+        alike = dot(turned, turned) <= LINE_RAD**2
     return np.asarray(near & alike)
 
 
@@ -187,7 +190,7 @@ def cores_of(path: Path, visits: Visits, depth_mm: Floats, begin: Floats, end: F
     if not m:
         return Cores(visits.start, visits.stop)
     counts = visits.stop - visits.start
-    events = _spread(visits.start, counts)
+    events = spread(visits.start, counts)
     visit = np.repeat(np.arange(m), counts)
     offsets = np.concatenate([[0], np.cumsum(counts)[:-1]])
     depth, moves = depth_mm[events], path.moves[events]
@@ -219,7 +222,7 @@ def items_of(path: Path, cores: Cores, depth_mm: Floats, *, together: bool) -> I
     """Without moves that lead nowhere; `together`: with moves that go on in one direction at one
     speed as one."""
     counts = cores.last - cores.first + 1
-    events = _spread(cores.first, counts)
+    events = spread(cores.first, counts)
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
     head = np.zeros(len(events), dtype=np.bool_)
     head[offsets[:-1]] = True
@@ -229,21 +232,24 @@ def items_of(path: Path, cores: Cores, depth_mm: Floats, *, together: bool) -> I
     pause = (path.events.kind[events] == Kind.PAUSE) & (path.events.value[events] == 0.0)
     real = head | ~(moves & (np.abs(step) < SAME_MM)) & ~pause
     kept = np.flatnonzero(real)
-    here, onward = kept[:-1], kept[1:]
-    with np.errstate(invalid="ignore"):
-        alike = SAME_SPEED + slack[onward] + slack[here]
-        same = np.abs(speed[onward] - speed[here]) <= alike * np.maximum(speed[here], speed[onward])
-    same |= np.isnan(speed[onward]) & np.isnan(speed[here])
-    goes_on = moves[here] & moves[onward] & ~head[here] & ~head[onward]
-    goes_on &= (step[here] * step[onward] > 0.0) & same & together
-    last = np.append(~goes_on, True) if len(kept) else np.empty(0, dtype=np.bool_)
-    item = kept[last]
-    item_of = np.searchsorted(item, np.arange(len(events)))
-    item_of = np.minimum(item_of, max(len(item) - 1, 0))
+    item = kept
+    if together and len(kept):
+        here, onward = kept[:-1], kept[1:]
+        with np.errstate(invalid="ignore"):
+            alike = SAME_SPEED + slack[onward] + slack[here]
+            apart = np.abs(speed[onward] - speed[here])
+            same = apart <= alike * np.maximum(speed[here], speed[onward])
+        same |= np.isnan(speed[onward]) & np.isnan(speed[here])
+        goes_on = moves[here] & moves[onward] & ~head[here] & ~head[onward]
+        goes_on &= (step[here] * step[onward] > 0.0) & same
+        item = kept[np.append(~goes_on, True)]
+    ends = np.zeros(len(events), dtype=np.intp)
+    ends[item] = 1
+    item_of = np.minimum(np.cumsum(ends) - ends, max(len(item) - 1, 0))
     return Items(events[item], np.searchsorted(item, offsets), events, item_of)
 
 
-def _spread(start: Rows, counts: Rows) -> Rows:
+def spread(start: Rows, counts: Rows) -> Rows:
     """All of start[i] … start[i] + counts[i], one after another."""
     total = int(counts.sum())
     before = np.cumsum(counts) - counts

@@ -15,6 +15,7 @@ from .events import Floats, Kind
 from .expected import SAME_MM
 from .steps import described
 from .travels import Legs, check_travel_speeds
+from .vectors import dot, length
 from .verdict import Rows
 from .visits import Bools, Path
 from .withdrawals import check_withdrawals
@@ -75,9 +76,8 @@ def _plain(case: Case, path: Path, legs: Legs) -> np.ndarray[tuple[int], np.dtyp
 def _off_way(point: Floats, begin: Floats, end: Floats) -> Floats:
     """How far points (k, 3) are from the ways between two others."""
     way = end - begin
-    length = np.maximum(np.einsum("ij,ij->i", way, way), 1e-12)
-    share = np.clip(np.einsum("ij,ij->i", point - begin, way) / length, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(point - begin - share[:, None] * way, axis=1))
+    share = np.clip(dot(point - begin, way) / np.maximum(dot(way, way), 1e-12), 0.0, 1.0)
+    return length(point - begin - share[:, None] * way)
 
 
 def _on_line(

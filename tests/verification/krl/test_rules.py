@@ -218,7 +218,7 @@ def test_lines_that_are_refused(line: str, column: int, message: str) -> None:
         ("  WAIT SEC -1\n", 0, "WAIT SEC -1: there is no such time"),
         ("  WAIT FOR FALSE\n", 0, "what is waited for never comes"),
         ("  F=TOOL_DATA[5]\n", 0, "what TOOL_DATA[5] is, only the controller knows"),
-        ("  WHILE TRUE\n    I=1\n  ENDWHILE\n", 1, "the loop has not ended after 100,000 turns"),
+        ("  WHILE TRUE\n    I=1\n  ENDWHILE\n", 0, "the loop has not ended after 100,000 turns"),
         ("  IF TRUE THEN\n", 0, "IF has no ENDIF"),
         ("  FOR I=1 TO 2\n    IF TRUE THEN\n  ENDFOR\n", 2, "ENDFOR belongs to no block here"),
     ],

@@ -379,6 +379,8 @@ def _texts(stretch: Stretch, text: str) -> Sequence[str]:
 
 
 def _column(stretch: Stretch, text: str) -> float | Floats:
+    if not _SLOT.fullmatch(text):
+        return number_of(text)
     column = _texts(stretch, text)
     if column[0] == column[-1] and len(set(column)) == 1:
         return number_of(column[0])

@@ -14,7 +14,7 @@ from lark.lexer import PatternRE, PatternStr, TerminalDef
 
 from ..alike import NAME_SLOT, Stretch, stretches, without
 from ..reading import ReadError
-from .shapes import Shapes
+from .shapes import shapes
 
 Node = Tree[Token]
 
@@ -61,7 +61,7 @@ def parsed(file: int, code: Sequence[str], in_bulk: bool = True) -> Parsed:
 
 def _in_bulk(code: Sequence[str]) -> Iterator[Bulk]:
     capitals = "\n".join(code).upper()
-    found = stretches(code, Shapes(set(_POSITION.findall(capitals)) - KEYWORDS))
+    found = stretches(code, shapes(set(_POSITION.findall(capitals)) - KEYWORDS))
     if not found:
         return
     starts, inside = _routines(capitals.split("\n"))
