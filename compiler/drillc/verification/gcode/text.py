@@ -22,9 +22,14 @@ LONGEST_LINE = 252
 SLOT, MESSAGE, GAP = "\x01", "\x03", "\x04"
 
 _COMMENT = re.compile(r"\(([^()\n]*)\)|;[^\n]*")
+#: A line that is nothing but a comment, which tells the operator nothing: most of them are.
+_ALONE = re.compile(
+    r"^[ \t]*\((?![ \t]*(?:msg|debug|print)[ \t]*,)[^()\n]*\)(?=[ \t]*\r?$)", re.I | re.M
+)
 _TELLS = re.compile(r"[ \t]*(msg|debug|print)[ \t]*,", re.IGNORECASE)
 # Not after g, m, o and #, whose numbers say what is done; nor within <a name>.
-_NUMBER = re.compile(r"(?<=[a-fh-lnp-z\[=*/+\-])[+-]?(?:\d+\.?\d*|\.\d+)(?![^<>\n]*>)")
+_NUMBER = re.compile(r"(?<=[a-fh-lnp-z\[=*/+\-])([+-]?(?:\d+\.?\d*|\.\d+))(?![^<>\n]*>)")
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")
 _BLANKS = str.maketrans("", "", " \t\r")
 
 
@@ -56,19 +61,20 @@ def lines_of(file: int, data: bytes, findings: list[Finding]) -> Lines:
     text = data.decode("latin-1")
     raw = text.split("\n")
     _check_characters(file, text, raw, findings)
-    text = _COMMENT.sub(_comment, text).translate(_BLANKS).lower()
-    shaped = _NUMBER.sub(SLOT, text).split("\n")
+    text = _COMMENT.sub(_comment, _ALONE.sub("", text)).translate(_BLANKS).lower()
+    pieces = _NUMBER.split(text)
+    shaped = SLOT.join(pieces[::2]).split("\n")
     percent = _cut_at_percent(file, raw, shaped, findings)
-    known: dict[str, int] = {}
-    ids = np.fromiter((known.setdefault(line, len(known)) for line in shaped), np.intp, len(shaped))
-    shapes = list(known)
+    shapes = list(dict.fromkeys(shaped))
+    known = {shape: index for index, shape in enumerate(shapes)}
+    ids = np.fromiter(map(known.__getitem__, shaped), np.intp, len(shaped))
     for wrong in "()":
         for shape in shapes:
             if wrong in shape:
                 _refuse_parenthesis(file, raw, shaped.index(shape))
     held = np.array([shape.count(SLOT) for shape in shapes], dtype=np.intp)[ids]
     start = np.concatenate([[0], np.cumsum(held)])
-    values = np.fromiter(map(float, _NUMBER.findall(text)), np.float64)[: start[-1]]
+    values = np.fromiter(map(float, pieces[1::2]), np.float64)[: start[-1]]
     says = np.flatnonzero(np.array([bool(shape) for shape in shapes])[ids])
     return Lines(
         file,
@@ -121,7 +127,7 @@ def _comment(match: re.Match[str]) -> str:
 
 
 def _check_characters(file: int, text: str, raw: Sequence[str], findings: list[Finding]) -> None:
-    if any(ord(c) < 32 and c not in "\n\r\t" for c in set(text)):
+    if _CONTROL.search(text):
         for number, line in enumerate(raw, 1):
             for column, c in enumerate(line, 1):
                 if ord(c) < 32 and c not in "\r\t":
