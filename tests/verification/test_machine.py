@@ -196,6 +196,18 @@ def test_loops_end_by_exit_and_routines_by_return() -> None:
     assert [row[2] for row in found] == [9, 9, 2]
 
 
+def test_what_is_done_before_a_return_is_told() -> None:
+    pause = Do(at(2), lambda m: m.emit(Kind.PAUSE, value=1.0))
+    found, _ = run(If(at(1), lambda m: True, (pause, Return(at(3)))), pause)
+    assert [row[1] for row in found] == [2]
+
+
+def test_an_exit_outside_of_a_loop_is_refused() -> None:
+    inner = Routine("inner", (If(at(1), lambda m: True, (Exit(at(2)),)),))
+    with pytest.raises(ReadError, match="there is no loop to be left"):
+        run(Forever(at(4), (Call(at(5), lambda: inner, lambda m: {}),)))
+
+
 def test_what_never_ends_is_refused() -> None:
     count = assign(1, "n", lambda m: m.locals.get("n", 0.0) + 1.0)
     with pytest.raises(ReadError, match="has not ended after 100,000 turns"):
