@@ -5,7 +5,15 @@ from __future__ import annotations
 import re
 
 import pytest
-from drillc.verification.alike import LEAST, Stretch, shapes_by, stretches, without
+from drillc.verification.alike import (
+    LEAST,
+    NUMBER_SLOT,
+    Shapes,
+    Stretch,
+    shapes_by,
+    stretches,
+    without,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -68,8 +76,32 @@ def test_the_rest_of_the_text_keeps_its_line_numbers() -> None:
     assert text[11] == "end"
 
 
+def test_a_name_that_is_not_known_ends_a_stretch() -> None:
+    lines = [f"drill({'Q' if i == 20 else 'P'}{i},{i})" for i in range(40)]
+    found = stretches(lines, SHAPE)
+    assert [(s.first, s.count) for s in found] == [(1, 20), (22, 19)]
+    assert [line for s in found for line in rebuilt(s)] == lines[:20] + lines[21:]
+
+
+def test_a_sign_is_that_of_a_difference_unless_a_language_says_so() -> None:
+    lines = [f"z={sign}{i}" for sign in ("", "-") for i in range(20)]
+    (signed,) = stretches(lines, SHAPE)
+    assert signed.numbers(0)[[1, 21]].tolist() == [1, -1]
+    plain, minus = stretches(lines, Shapes(_unsigned, NAMES, ","))
+    assert (plain.text, minus.text) == (("z=\x010\x01",), ("z=-\x010\x01",))
+    assert plain.columns == minus.columns
+
+
+def _unsigned(line: str) -> tuple[str, list[str]]:
+    head, number = re.fullmatch(r"(z=-?)(\d+)", line).groups()  # type: ignore[union-attr]
+    return head + NUMBER_SLOT, [number]
+
+
 LINES = st.sampled_from(
-    ["", "end", "drill(P1,2)", "drill(P2,-3.5)", "go P3", "go P4", "x 1 2", "x"]
+    [
+        *("", "end", "x", "x 1 2", "x 1 -2", "go P3", "go P4", "go P3 1"),
+        *("drill(P1,2)", "drill(P2,-3.5)", "drill(Q1,2)", "drill(P1,2.5,)"),
+    ]
 )
 
 

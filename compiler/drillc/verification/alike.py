@@ -162,11 +162,11 @@ def _in_bulk(
     """Take apart all lines of `text` from `start` on that repeat a block of shapes, whose ids are
     the last ones. Returns where they end."""
     slots = [_SLOT.findall(shape) for shape in block]
-    matches, rows = [], []
+    stops, rows = [start], []
     for match in pattern.finditer(text, start):
         if match.lastindex is None:
             break
-        matches.append(match)
+        stops.append(match.end())
         rows.append(match.groups())
     count = len(rows)
     for column, slot in enumerate(chain(*slots)):
@@ -181,7 +181,7 @@ def _in_bulk(
         ends = list(accumulate(map(len, slots)))
         parts = [slice(end - len(own), end) for end, own in zip(ends, slots, strict=True)]
         held += [row[part] for row in rows for part in parts]
-    return matches[count - 1].end() if count else start
+    return stops[count]
 
 
 def _block(block: Sequence[str], shapes: Shapes) -> re.Pattern[str] | None:
